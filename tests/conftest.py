@@ -50,8 +50,8 @@ SHARED = (
 )  # fmt: skip
 #: Files of which those tests are exclusive that take one of ``EXCLUSIVE_FIXTURES``.
 MIXED = (
-    "cli/test_cli_decode.py", "cli/test_cli_imports.py", "cli/test_cli_lease.py", "cli/test_cli_scan.py",
-    "cli/test_cli_shards.py", "farm/test_farm_parameter_words.py",
+    "cli/test_cli_decode.py", "cli/test_cli_import_check.py", "cli/test_cli_imports.py", "cli/test_cli_lease.py",
+    "cli/test_cli_scan.py", "cli/test_cli_shards.py", "farm/test_farm_parameter_words.py",
 )  # fmt: skip
 #: Fixtures that start what runs in real time.
 EXCLUSIVE_FIXTURES = {"background", "network", "shared_background"}

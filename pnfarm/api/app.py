@@ -11,6 +11,7 @@ from pnfarm.api.hosts.devices import FarmDevices
 from pnfarm.api.hosts.drives import FarmDrives
 from pnfarm.api.hosts.farm import FarmItself
 from pnfarm.api.hosts.faults import FarmFaults
+from pnfarm.api.hosts.plant import FarmPlant
 from pnfarm.api.hosts.states import FarmStates
 from pnfarm.api.hosts.streams import FarmStreams
 from pnfarm.api.hosts.traces import FarmTraces
@@ -65,6 +66,7 @@ def make_app(
         states=FarmStates(states or SavedStates(core, None, now, poke)),
         farm=FarmItself(context),
         streams=FarmStreams(context, views),
+        plant=FarmPlant(context),
     )
     description = f"The virtual drives of farm {core.name}."
     app = make_api(context, hosts, title="pnfarm", description=description, token=token, read_token=read_token)

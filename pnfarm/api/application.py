@@ -15,6 +15,7 @@ from pnfarm.api.paths.devices import add_stations
 from pnfarm.api.paths.drives import add_drives
 from pnfarm.api.paths.farm import add_farm
 from pnfarm.api.paths.faults import add_faults
+from pnfarm.api.paths.plant import add_plant
 from pnfarm.api.paths.scenarios import add_scenarios
 from pnfarm.api.paths.states import add_states
 from pnfarm.api.paths.streams import add_streams
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from pnfarm.api.paths.farm import FarmHost
     from pnfarm.api.paths.faults import FaultsHost
     from pnfarm.api.paths.host import Host
+    from pnfarm.api.paths.plant import PlantHost
     from pnfarm.api.paths.states import StatesHost
     from pnfarm.api.paths.streams import StreamsHost
     from pnfarm.api.paths.traces import TracesHost
@@ -58,6 +60,7 @@ class Hosts:
     states: StatesHost
     farm: FarmHost
     streams: StreamsHost
+    plant: PlantHost
     #: What is described otherwise than of a farm, by handler.
     described: Mapping[str, Described] = field(default_factory=dict)
 
@@ -90,6 +93,7 @@ def make_api(
     hosts.add_drive(app)
     add_stations(path("devices"), hosts.stations)
     hosts.add_device(app)
+    add_plant(path("plant"), hosts.plant)
     add_faults(path("faults"), host, hosts.faults)
     add_scenarios(path("scenarios"), hosts.scenarios, host.now)
     add_traces(path("traces"), hosts.traces)

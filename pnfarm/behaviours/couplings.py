@@ -7,7 +7,7 @@ torque of a spring is constant from one step to the next::
 
 * Without backlash T is chosen so that a free oscillation has exactly the frequency sqrt(k / m), whatever the step:
   T (1 + q) = k (d + h w / 2) + q m a, with 1 + q = (z / sin z)^2, z = h sqrt(k / m) / 2, and a the acceleration that
-  other torques gave in the last step.  At rest T = k d.
+  other torques gave in the last step.  At rest T = k d.  A damper adds c (w + w') / 2.
 * With backlash T = (V(d') - V(d)) / (d' - d), V the spring's energy: the sum of energies is the same in each step.
 * Rigid shafts: both get the speed and the place of their common centre of mass.
 
@@ -23,7 +23,7 @@ from pnfarm.firmware.direction import shaft_sign
 from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.plant import COUPLING_RIGID
 
-__all__ = ["COUPLED", "STIFFEST", "TURN", "couple", "uncouple"]
+__all__ = ["COUPLED", "STIFFEST", "TURN", "couple", "step_with_plant", "uncouple"]
 
 #: h sqrt(k / m) / 2 of the stiffest spring that a step can have.
 STIFFEST = 0.5
@@ -70,16 +70,22 @@ def _with_backlash(stiffness: float, gap: float, twist: float, speed: float, mas
 
 
 @inlined
-def uncouple(couplings: Any, axes: Any, step_ns: int) -> None:
-    """Take the torques of the last step from the axes, which step as often as the plant from now on."""
+def step_with_plant(axis: Any, step_ns: int) -> None:
+    """Have an axis step as often as the plant: what that puts on its shaft is for one of its steps."""
     # after a late tick the next one may come early, and still counts
     longest = step_ns - step_ns // 8
+    axis.step_ns = min(axis.step_ns, longest)
+
+
+@inlined
+def uncouple(couplings: Any, axes: Any, step_ns: int) -> None:
+    """Take the torques of the last step from the axes."""
     for number in range(len(couplings)):
         coupling = couplings[number]
         for row in (int(coupling.first), int(coupling.second)):
             if row >= 0:
                 axes[row].outside.torque = 0.0
-                axes[row].step_ns = min(axes[row].step_ns, longest)
+                step_with_plant(axes[row], step_ns)
 
 
 @inlined
@@ -149,8 +155,9 @@ def couple(coupling: Any, axes: Any, values: Any, seconds: float, step: float) -
         other = 0.0
         if coupling.begun != 0 and seconds > 0.0:
             other = mass * (faster - coupling.before) / seconds + coupling.torque
-        torque = (stiffness * (twist + 0.5 * step * faster) + more * other + coupling.damping * faster) / (
-            1.0 + more + 0.5 * step * coupling.damping / mass
+        damped = 0.5 * step * coupling.damping / mass
+        torque = (stiffness * (twist + 0.5 * step * faster) + coupling.damping * faster + (more + damped) * other) / (
+            1.0 + more + damped
         )
     coupling.torque = torque
     coupling.before = faster

@@ -72,6 +72,11 @@ class Behaviour:
     counts: Mapping[int, int] = field(default_factory=dict, hash=False)
 
     @property
+    def port_lists(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
+        """Inputs, outputs."""
+        return self.inputs, self.outputs
+
+    @property
     def kind_name(self) -> str:
         return self.name
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.gate.gate import GatedLink
     from pnfarm.faults.gate.socket_gate import SocketGate
     from pnfarm.faults.kind import InjectionKind, KindOnBus
+    from pnfarm.station.absent import Absent
     from pnfarm.station.device import Device
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
@@ -70,10 +71,14 @@ class DeviceServices:
 class Segment(Protocol):
     """State that the devices of one farm on one bus share: which device a frame concerns."""
 
+    @property
+    def absent(self) -> Absent:
+        """Names or addresses that controllers ask for and no device has."""
+
     def admits(self, port: int, frame: bytes, now: int) -> bool:
         """Whether the device at this port has to process a frame; the others are counted there."""
 
-    def audience(self, frame: bytes, besides: Collection[int] = ()) -> Sequence[int] | None:
+    def audience(self, frame: bytes, now: int, besides: Collection[int] = ()) -> Sequence[int] | None:
         """Ports that a group-addressed frame can concern, None for any: the others get no copy.
 
         It is asked once, for all devices; what :meth:`admits` would have counted for the others counts there

@@ -18,10 +18,14 @@ __all__ = ["AccessPointError", "DescribedBus", "DescribedIdentity"]
 
 @dataclass(frozen=True, slots=True)
 class DescribedIdentity:
-    """Keys of the farm file's ``identity``, and sentences about what could not be taken."""
+    """Keys of the farm file's ``identity``, and sentences about what could not be taken.
+
+    ``file`` is what a running drive has of the file besides, in the form of its bus; None for nothing.
+    """
 
     overrides: Mapping[str, Any]
     notes: tuple[str, ...] = ()
+    file: Any = None
 
 
 class AccessPointError(ConfigError):

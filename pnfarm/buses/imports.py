@@ -14,52 +14,76 @@ if TYPE_CHECKING:
     from pnfarm.buses.projects.description_folders import DescriptionFile, DescriptionFolders
 
 __all__ = [
-    "Found", "FoundDevice", "FoundDrive", "FoundStation", "ImportingBus", "ProjectBus",
+    "Found", "FoundDevice", "FoundDrive", "FoundStation", "ImportingBus", "ProjectBus", "Said",
     "drives_first",
 ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Said:
+    """What a source says of a station in words, to be held against another source's: by subject, of modules by slot.
+
+    ``name`` is the station's own, empty where one was made up for it; ``identity`` are the subjects that tell which
+    product it is.
+    """
+
+    name: str = ""
+    identity: Mapping[str, str] = field(default_factory=dict)
+    subjects: Mapping[str, str] = field(default_factory=dict)
+    slots: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class FoundDrive:
     """A station that a model stands for: keys of its group in a farm file, and what a user should know of each.
 
+    ``notes`` say how it is played and what is not sure, ``facts`` what it is in the plant: comments of the farm file.
     ``line``: of a station on a serial line, the line's name in a farm file.  ``file``: what ``gsdml``
-    or ``identity`` names, where that has to be written.
+    or ``identity`` names, where that has to be written.  ``doubts``: what of a project could not be taken over.
     """
 
     name: str
     model: str
     keys: Mapping[str, Any]
-    #: What was seen, and what is not sure; comments of the farm file.
     notes: tuple[str, ...] = ()
-    #: Of its controller, for the built-in one: its name, cycle and watchdog.
-    controller: Mapping[str, Any] = field(default_factory=dict)
+    facts: tuple[str, ...] = ()
     line: str = ""
     file: DescriptionFile | None = None
+    said: Said = field(default_factory=Said)
+    doubts: tuple[str, ...] = ()
+    #: Whether its controller compares vendor and device when it connects.
+    keyed: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A station that a description file stands for; ``keys`` are the others of its group."""
+    """A station that a description file stands for; ``keys`` are the others of its group, ``doubts`` as of a drive."""
 
     name: str
     file: DescriptionFile
     keys: Mapping[str, Any]
     notes: tuple[str, ...] = ()
+    facts: tuple[str, ...] = ()
     line: str = ""
+    said: Said = field(default_factory=Said)
+    doubts: tuple[str, ...] = ()
+    #: Whether its controller compares vendor and device when it connects.
+    keyed: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class FoundStation:
     """A station that nothing stands for: its name or address, and what was seen of it.
 
-    ``missing``: the description file that would do, where that is known.
+    ``missing``: the description file that would do, where that is known.  ``keys`` are those of its addresses.
     """
 
     name: str
     facts: tuple[str, ...]
     line: str = ""
     missing: str = ""
+    keys: Mapping[str, Any] = field(default_factory=dict)
+    said: Said = field(default_factory=Said)
 
 
 Found = FoundDrive | FoundDevice | FoundStation

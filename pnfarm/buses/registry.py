@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.ethernetip.bus import ETHERNETIP
 from pnfarm.buses.line_parameters import LineParameterBus
+from pnfarm.buses.plant import PlantBus
 from pnfarm.buses.profibus.bus import PROFIBUS
 from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.buses.search import SearchBus
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     _SEGMENTS: tuple[type[Segment], ...] = (EthernetIpSegment, ProfibusSegment, ProfinetSegment)
 
 __all__ = [
-    "BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_filters", "line_parameter_bus", "registered",
+    "BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_filters", "line_parameter_bus", "plants", "registered",
     "searches",
 ]  # fmt: skip
 
@@ -90,6 +91,11 @@ def commands() -> list[Command]:
 def searches() -> dict[str, SearchBus]:
     """The buses whose devices can be found on a wire, by name."""
     return {name: one for name, one in BUSES.items() if isinstance(one, SearchBus)}
+
+
+def plants() -> dict[str, PlantBus]:
+    """The buses whose plants can be compared with a farm file, by name."""
+    return {name: one for name, one in BUSES.items() if isinstance(one, PlantBus)}
 
 
 def line_parameter_bus() -> LineParameterBus:

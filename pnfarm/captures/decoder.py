@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from pnfarm.captures.conversations import Conversations
 from pnfarm.captures.neutral import arp, icmp, other, unreadable
-from pnfarm.captures.packet import Capture, Description, Packet
+from pnfarm.captures.packet import SAME_NS, Capture, Description, Packet
 from pnfarm.captures.stations import Bounded
 from pnfarm.errors import DecodeError
-from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_VLAN
+from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_SERVICE_VLAN, ETHERTYPE_VLAN
 from pnfarm.wire.ipv4 import PROTOCOL_ICMP
 
 if TYPE_CHECKING:
@@ -32,11 +32,10 @@ _NEUTRAL: Mapping[str, Callable[[Packet, Capture], Iterator[Description]]] = Map
     {"arp": arp, "icmp": icmp, "other": other}
 )
 _HEADER, _TAG = 14, 4
+_TAGS = frozenset({ETHERTYPE_VLAN, ETHERTYPE_SERVICE_VLAN})
 #: Length of an IPv4 header in octets, and offset of its protocol.
 _IPV4_HEADER, _IPV4_PROTOCOL = 20, 9
 _OUTBOUND = 2
-#: Largest time between copies of one frame at several interfaces.
-_SAME_NS = 20_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +144,10 @@ class Decoder:
             return []
         ethertype = data[12] << 8 | data[13]
         start = _HEADER
-        while ethertype == ETHERTYPE_VLAN and len(data) >= start + _TAG:
+        while ethertype in _TAGS and len(data) >= start + _TAG:
+            # the identifier 0 is a priority alone
+            if vid := (data[start] << 8 | data[start + 1]) & 0x0FFF:
+                self.capture.stations.learn(data[6:12], vlan=vid)
             ethertype = data[start + 2] << 8 | data[start + 3]
             start += _TAG
         if data[0] & 1 and self._again(frame):
@@ -205,7 +207,7 @@ class Decoder:
         """Whether a multicast was seen a moment ago: a capture of many drives has a copy for each."""
         before = self._groups.get(frame.data)
         self._groups[frame.data] = frame.time_ns
-        return before is not None and abs(frame.time_ns - before) < _SAME_NS
+        return before is not None and abs(frame.time_ns - before) < SAME_NS
 
     def name(self, mac: bytes) -> str:
         """A station's name as far as it is known now."""

@@ -37,7 +37,7 @@ def ip_packet(packet: Packet, capture: Capture) -> Ipv4Packet | None:
     capture.stations.learn(packet.source, ip=ip.source)
     if not (ip.more_fragments or ip.fragment_offset):
         return ip
-    return capture.fragments.receive(ip, packet.time_ns)
+    return capture.joined(ip, packet.time_ns)
 
 
 def arp(packet: Packet, capture: Capture) -> Iterator[Description]:

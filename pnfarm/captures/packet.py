@@ -6,13 +6,21 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.captures.stations import Stations
+from pnfarm.captures.stations import Bounded, Stations
 from pnfarm.protocols.ip.reassembly import Reassembler
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from ipaddress import IPv4Address
 
-__all__ = ["Capture", "Description", "Packet"]
+    from pnfarm.wire.ipv4 import Ipv4Packet
+
+__all__ = ["SAME_NS", "Capture", "Description", "Packet"]
+
+#: Largest time between copies of one frame at several interfaces.
+SAME_NS = 20_000_000
+#: IP packets of all stations whose fragments are collected at a time.
+_FRAGMENTED = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,4 +59,23 @@ class Capture:
         self.stations = Stations()
         self.gap_cycles = gap_cycles
         self.every_frame = every_frame
-        self.fragments = Reassembler(Counter())
+        self._dropped = Counter[str]()
+        self._fragments = Reassembler(self._dropped, _FRAGMENTED)
+        #: The last packets that were joined, and when.
+        self._joined: Bounded[tuple[IPv4Address, IPv4Address, int, int], int] = Bounded(_FRAGMENTED)
+
+    def joined(self, fragment: Ipv4Packet, now: int) -> Ipv4Packet | None:
+        """The whole IP packet that a fragment completes; None for any other, and for a copy of one."""
+        key = fragment.source, fragment.destination, fragment.protocol, fragment.identification
+        before = self._joined.get(key)
+        if before is not None and abs(now - before) < SAME_NS:
+            return None
+        whole = self._fragments.receive(fragment, now)
+        if whole is not None:
+            self._joined[key] = now
+        return whole
+
+    @property
+    def incomplete(self) -> int:
+        """Fragmented IP packets that are not whole so far, or never were."""
+        return self._dropped.total() + self._fragments.pending

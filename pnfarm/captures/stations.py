@@ -20,6 +20,8 @@ _V = TypeVar("_V")
 
 #: Stations, calls and connections kept at a time; the oldest are dropped.
 MOST = 4096
+#: VLANs of one station.
+MOST_VLANS = 8
 _MAC_OCTETS = 6
 
 
@@ -51,8 +53,11 @@ class Stations:
         self._guessed: Bounded[bytes, str] = Bounded()
         self._macs: Bounded[IPv4Address, bytes] = Bounded()
         self._models: Bounded[bytes, Model] = Bounded()
+        self._vlans: Bounded[bytes, tuple[int, ...]] = Bounded()
 
-    def learn(self, mac: bytes, *, name: str = "", ip: IPv4Address | None = None, model: Model | None = None) -> None:
+    def learn(
+        self, mac: bytes, *, name: str = "", ip: IPv4Address | None = None, model: Model | None = None, vlan: int = 0
+    ) -> None:
         if is_group(mac):
             return
         if name and name.isprintable():
@@ -61,6 +66,13 @@ class Stations:
             self._macs[ip] = mac
         if model is not None:
             self._models[mac] = model
+        if vlan and vlan not in (known := self._vlans.get(mac, ())) and len(known) < MOST_VLANS:
+            self._vlans[mac] = (*known, vlan)
+
+    def vlans(self, mac: bytes) -> str:
+        """The VLANs of its frames in words; empty where they have no tag but a priority."""
+        known = self._vlans.get(mac, ())
+        return f"VLAN{'s' if len(known) > 1 else ''} {' and '.join(map(str, known))}" if known else ""
 
     def suppose(self, mac: bytes, model: Model) -> None:
         """A model by its identity; a farm file's model, which may have another identity, stays."""

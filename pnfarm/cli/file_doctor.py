@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.cli.farm_file import counted
 from pnfarm.config.database import redacted
+from pnfarm.config.device import DeviceConfig
 from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink, TapLink, VethLink
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.doctor.machine import Finding
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.farm.shard import Shard
 
-__all__ = ["examine_file", "judge"]
+__all__ = ["examine_file", "judge", "judge_cycles"]
 
 #: Share of one processor up to which the engine keeps its time with room for storms, and at which there is none left.
 ROOMY, FULL = 0.6, 0.9
@@ -41,7 +42,9 @@ def examine_file(config: FarmConfig, shard: Shard | None = None) -> list[Finding
     drives = expand_all(config)
     load = load_of(config, drives if shard is None else part_of(config, drives, shard))
     if load.frames and isinstance(config.link, MacvlanLink | VethLink):
-        found.append(judge(load, *_measured()))
+        measured = _measured()
+        found.append(judge(load, *measured))
+        found += judge_cycles(config, load, measured[0])
     return found
 
 
@@ -151,6 +154,23 @@ def judge(load: Load, frame_ns: float | None, step_ns: float | None, why: str) -
     if share <= FULL:
         return Finding("processor time", None, f"{detail}: little room for storms", remedy)
     return Finding("processor time", False, f"{detail}: too much", remedy)
+
+
+def judge_cycles(config: FarmConfig, load: Load, frame_ns: float | None) -> list[Finding]:
+    """Whether all stations' frames fit into the shortest cycle, an estimate: a controller may have all due at once."""
+    one = load.shortest
+    if frame_ns is None or one is None:
+        return []
+    burst = 2 * load.drives * frame_ns
+    detail = (
+        f"estimated: at worst, frames of all {load.drives} stations are due at once, which takes {burst / 1e6:.3g} ms; "
+        f"the shortest cycle is {load.shortest_ns / 1e6:g} ms, of {one.name}"
+    )
+    line = config.place(("devices" if isinstance(one, DeviceConfig) else "drives", one.group))[1]
+    if burst <= load.shortest_ns * ROOMY:
+        return [Finding("cycles", True, detail, line=line)]
+    remedy = "a longer cycle, more cycles without data until the PLC gives up (watchdog), or several shards"
+    return [Finding("cycles", None, f"{detail}: its frames may be late", remedy, line)]
 
 
 def _read(path: Path) -> str:

@@ -7,11 +7,11 @@ import re
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema, model_validator
 
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.impairment import Impairment
-from pnfarm.config.section import Section
+from pnfarm.config.section import DescribedSection, Section
 from pnfarm.config.values import NamePattern
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
@@ -134,7 +134,7 @@ SignalSetting = Annotated[SignalPlace, BeforeValidator(_open_place, json_schema_
 SignalName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,79}$")]
 
 
-class DeviceGroup(Section):
+class DeviceGroup(DescribedSection):
     """One device, or `count` alike; its maker's file describes it."""
 
     first_keys: ClassVar[tuple[str, ...]] = ("name", "count", "start")
@@ -158,14 +158,6 @@ class DeviceGroup(Section):
     )
     impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
 
-    _described: Any = PrivateAttr(default=None)
-
-    def adopting(self, described: Any) -> Self:
-        """The group with what its file says, in the form of its bus."""
-        found = self.model_copy()
-        found._described = described  # noqa: SLF001 - a copy of its own
-        return found
-
     @model_validator(mode="after")
     def _exports(self) -> Self:
         for name, place in self.signals.items() if self.metrics else ():
@@ -180,12 +172,7 @@ class DeviceGroup(Section):
     @property
     def is_described(self) -> bool:
         """Whether its file was read, without errors."""
-        return self._described is not None
-
-    @property
-    def described(self) -> Any:
-        """What its file says, once that is read without errors; None before."""
-        return self._described
+        return self.described is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

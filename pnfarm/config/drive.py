@@ -12,7 +12,7 @@ from pnfarm.config.impairment import Impairment
 from pnfarm.config.machine import Machine
 from pnfarm.config.own_faults import MAX_FAULTS, OwnFault
 from pnfarm.config.realism import DriveRealism, Realism
-from pnfarm.config.section import Section
+from pnfarm.config.section import DescribedSection, Section
 from pnfarm.config.tasks import Task, drive_task
 from pnfarm.config.values import NamePattern, Scalar
 
@@ -43,7 +43,7 @@ Identity = Annotated[
 ]
 
 
-class DriveGroup(Section):
+class DriveGroup(DescribedSection):
     """One drive, or `count` alike."""
 
     #: What messages call them.

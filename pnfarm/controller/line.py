@@ -21,6 +21,7 @@ from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.places import places_of
 from pnfarm.farm.file.reading import controller_mac, expand_all
 from pnfarm.farm.plant import plant_of
 from pnfarm.farm.shard import part_of
@@ -216,6 +217,7 @@ class VirtualLine:
             shard=shard,
             devices=devices,
             plant=plant_of(config, stations, model_of),
+            file=places_of(config, whole_farm),
         )
         world.join(farm, ports)
         farm.start(world.now)

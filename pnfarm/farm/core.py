@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.bus import DeviceServices, LineSegment, line_of
+from pnfarm.buses.bus import DeviceServices, LineSegment, Segment, line_of
 from pnfarm.buses.devices import device_bus
 from pnfarm.buses.registry import bus
 from pnfarm.config.axis import apply_axis
@@ -22,6 +22,7 @@ from pnfarm.engine.columns import allocate
 from pnfarm.engine.lateness import LatenessRecord
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.events import EngineEventsLost
+from pnfarm.farm.file.places import NO_FILE, FilePlaces
 from pnfarm.farm.injections import make_manager
 from pnfarm.farm.realism import imperfections
 from pnfarm.farm.views.controller_record import ControllerRecords
@@ -89,7 +90,8 @@ class FarmCore:
     """``ports`` belong to ``drives`` and then ``devices``, one by one; ``models`` gives a drive's model under its own
     identity.
 
-    ``clock`` is the one by which frames are sent.  ``shard``: which part of a farm these drives are, None for all.
+    ``clock`` is the one by which frames are sent.  ``file`` says where in the farm file a station is.  ``shard``: which
+    part of a farm these drives are, None for all.
     ``in_real_time``: whether models of the plant in Python may be late.
     """
 
@@ -111,9 +113,13 @@ class FarmCore:
         devices: Sequence[DeviceConfig] = (),
         plant: PlantPlan | None = None,
         in_real_time: bool = False,
+        file: FilePlaces = NO_FILE,
     ) -> None:
         self.name = name
         self.shard = shard
+        #: Where the farm file says what the stations are.
+        self.file = file
+        self._clock = clock
         gate = self._gate = GatedLink(link, clock)
         self.link: Link = gate
         self.log = log
@@ -380,6 +386,11 @@ class FarmCore:
             for name, found in devices.items()
         }
 
+    @property
+    def segments(self) -> Mapping[str, Segment]:
+        """What the stations on each bus have in common."""
+        return self._segments
+
     # -- frames and time ---------------------------------------------------------------------------------------------
 
     def receive(self, port: int, frame: bytes, now: int) -> None:
@@ -448,14 +459,14 @@ class FarmCore:
 
         Drives with an injection see each frame: rules count it, and listeners hear it.
         """
-        besides = self._gate.engaged
+        besides, now = self._gate.engaged, self._clock()
         besides.update(self._port_of[name] for name in self.injections.concerned)
         found: list[int] = []
         concerns_all = True
         for name, segment in self._segments.items():
             if name in self._on_lines:
                 continue
-            ports = segment.audience(frame, besides)
+            ports = segment.audience(frame, now, besides)
             if ports is None:
                 found += (s.port.index for s in self.stations if s.bus == name)
             else:
@@ -465,7 +476,7 @@ class FarmCore:
 
     def _line_audience(self, telegram: bytes) -> Collection[int] | None:
         """Ports that a telegram of a serial line can concern; one bus has a line."""
-        return self._segments[self._on_lines[0]].audience(telegram) if self._on_lines else ()
+        return self._segments[self._on_lines[0]].audience(telegram, self._clock()) if self._on_lines else ()
 
     def line_counts(self, name: str) -> Mapping[str, int]:
         """What happened on a line, by kind."""

@@ -42,6 +42,7 @@ from pnfarm.farm.events import (
     LineReady,
     RealTimeOptionRefused,
 )
+from pnfarm.farm.file.places import places_of
 from pnfarm.farm.file.reading import FarmConfig, expand_all, load_farm
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.lease import Lease
@@ -193,6 +194,7 @@ class Farm:
             )
         self.shard = shard
         whole = expand_all(config)
+        self._file = places_of(config, whole)
         here = whole if shard is None else part_of(config, whole, shard)
         self.drives = [one for one in here if isinstance(one, DriveConfig)]
         #: Those that are no drives.
@@ -311,6 +313,7 @@ class Farm:
                 devices=self.devices,
                 plant=plant_of(self.config, self._stations, model_of),
                 in_real_time=self.world is None,
+                file=self._file,
             )
             for action in self.on_start:
                 action(self._core)

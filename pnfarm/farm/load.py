@@ -35,11 +35,16 @@ _LINE_NS = 100_000_000
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What the engine does a second: cyclic frames in both directions, steps of the drives' firmware."""
+    """What the engine does a second: cyclic frames in both directions, steps of the drives' firmware.
+
+    ``shortest_ns``: the shortest cycle, and ``shortest`` the station that has it.
+    """
 
     drives: int
     frames: float
     steps: float
+    shortest_ns: int = 0
+    shortest: DriveConfig | DeviceConfig | None = None
 
 
 def _cycle_of(one: object) -> int | None:
@@ -77,7 +82,8 @@ def load_of(config: FarmConfig, drives: Sequence[DriveConfig | DeviceConfig] | N
     whole = expand_all(config) if drives is None else drives
     cyclic = [(one, cycle) for one, cycle in zip(whole, _cycles(config, whole), strict=True) if cycle]
     frames = sum(2e9 / cycle for _, cycle in cyclic)
-    return Load(len(cyclic), frames, sum(_steps(one, cycle) for one, cycle in cyclic))
+    shortest, shortest_ns = min(cyclic, key=lambda each: each[1], default=(None, 0))
+    return Load(len(cyclic), frames, sum(_steps(one, cycle) for one, cycle in cyclic), shortest_ns, shortest)
 
 
 def _steps(one: DriveConfig | DeviceConfig, cycle_ns: int) -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pnfarm.config.device import DeviceConfig
 from pnfarm.config.drive import DriveConfig
 from pnfarm.farm.file.reading import expand_all
+from pnfarm.plant.axis_ports import PlantAxis
 from pnfarm.plant.part import port_signals
 from pnfarm.plant.plan import plan_plant
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, field_path
@@ -35,7 +36,12 @@ def plant_of(
     def report(location: Location, what: str, allowed: str) -> None:
         issues.append(FileIssue(*config.place(location), field_path(location), what, allowed))
 
-    axes = {axis.name: model_of(one) for one in stations if isinstance(one, DriveConfig) for axis in one.axes}
+    axes = {
+        axis.name: PlantAxis.of(model_of(one), axis.load)
+        for one in stations
+        if isinstance(one, DriveConfig)
+        for axis in one.axes
+    }
     devices = {one.name: one.known_signals for one in stations if isinstance(one, DeviceConfig)}
     folder = config.path.parent if config.path is not None else Path()
     plan = plan_plant(config.plant, axes, devices, folder, report)

@@ -11,6 +11,7 @@ from pnfarm.hub.hosts.devices import HubDevices
 from pnfarm.hub.hosts.drives import HubDrives
 from pnfarm.hub.hosts.farm import HubItself
 from pnfarm.hub.hosts.faults import HubFaults
+from pnfarm.hub.hosts.plant import HubPlant
 from pnfarm.hub.hosts.scenarios import HubScenarios
 from pnfarm.hub.hosts.states import HubStates
 from pnfarm.hub.hosts.streams import HubStreams
@@ -42,6 +43,7 @@ def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None =
         states=HubStates(hub),
         farm=HubItself(hub),
         streams=HubStreams(hub, views),
+        plant=HubPlant(hub),
         described=DESCRIBED,
     )
     description = "The virtual drives of several farms as of one."

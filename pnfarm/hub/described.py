@@ -13,6 +13,7 @@ from pnfarm.api.paths.traces import Traces
 from pnfarm.api.schemas.device import DeviceRow, DevicesView, StationsView, StationView
 from pnfarm.api.schemas.drive import Drive
 from pnfarm.api.schemas.farm import FarmView
+from pnfarm.api.schemas.readiness import ReadinessView, StationReadiness
 from pnfarm.web.bodies import Schema
 from pnfarm.web.paths import Described
 
@@ -99,6 +100,14 @@ class HubReactions(Reactions, _Partial):
     pass
 
 
+class HubStationReadiness(StationReadiness):
+    shard: str
+
+
+class HubReadiness(ReadinessView, _Partial):
+    stations: tuple[HubStationReadiness, ...]
+
+
 class HubFindings(Findings, _Partial):
     pass
 
@@ -178,6 +187,7 @@ DESCRIBED = {
     ),
     "get_doctor": Described("What `pnfarm doctor` finds on the machine of each shard", {200: HubFindings}),
     "get_reactions": Described("", {200: HubReactions}),
+    "get_readiness": Described("", {200: HubReadiness}),
     "events": Described("The event logs of all shards as one; Last-Event-ID resumes, also after a restart of the hub"),
     "metrics": Described("The hub's own metrics; Prometheus scrapes the shards for those of drives"),
 }

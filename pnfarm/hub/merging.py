@@ -9,6 +9,7 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.api.schemas.farm import Engine
+from pnfarm.farm.views.readiness import joined_controllers
 from pnfarm.faults.effects.evidence import NOTHING, Evidence
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
     from pnfarm.hub.shards import Shard
 
-__all__ = ["at_hub", "joined_engine", "joined_fault", "joined_health", "unreachable_drive"]
+__all__ = ["at_hub", "joined_engine", "joined_fault", "joined_health", "joined_readiness", "unreachable_drive"]
 
 #: Faults with one id on two shards are one if they were added within this time of each other, s.
 ONE_FAULT_SECONDS = 15.0
@@ -123,3 +124,35 @@ def joined_health(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "last_seconds": max((part["last_seconds"] for part in parts), default=0.0),
         **worst,
     }
+
+
+def joined_readiness(answers: Mapping[Shard, Mapping[str, Any]]) -> dict[str, Any]:
+    """The readiness of all farms as of one, with times by the hub's clock.
+
+    A name that a controller misses at one shard may be a station of another, and several may see the same search.
+    """
+    stations: list[dict[str, Any]] = []
+    missing: dict[tuple[str, ...], dict[str, Any]] = {}
+    for shard, answer in answers.items():
+        to_hub, controllers = shard.clock.to_hub, answer["controllers"]
+
+        def whose(number: int, known: Sequence[Mapping[str, Any]] = controllers) -> dict[str, Any]:
+            keys = ("bus", "address", "mac", "name")
+            return {key: known[number][key] if 0 <= number < len(known) else "" for key in keys}
+
+        for one in answer["stations"]:
+            visits = [
+                {
+                    **visit,
+                    "controller": whose(visit["controller"]),
+                    "steps": {step: when and to_hub(when) for step, when in visit["steps"].items()},
+                }
+                for visit in one["visits"]
+            ]
+            stations.append({**one, "visits": visits, "shard": shard.label})
+        for one in answer["missing"]:
+            caller = whose(one["controller"])
+            entry = {**one, "controller": caller, "since_seconds": to_hub(one["since_seconds"])}
+            missing.setdefault((one["bus"], one["name"], caller["address"] or caller["mac"]), entry)
+    names = {station["station_name"] for station in stations}
+    return joined_controllers(stations, [one for one in missing.values() if one["name"] not in names])

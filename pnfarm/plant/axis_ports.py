@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pnfarm.behaviours.declaration import Port, bit, number
@@ -14,10 +14,11 @@ from pnfarm.table.plant import OUTLET_BIT, OUTLET_PLACE, OUTLET_REAL
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.config.axis import Load
     from pnfarm.drives.description.model import Model
     from pnfarm.station.axis import Axis
 
-__all__ = ["GIVEN", "TAKEN", "Taken", "given_port", "place_in"]
+__all__ = ["GIVEN", "TAKEN", "PlantAxis", "Taken"]
 
 #: Digital inputs of a drive.
 INPUTS = 32
@@ -56,25 +57,46 @@ TAKEN: Mapping[str, Taken] = {
 }
 
 
-def given_port(model: Model, name: str) -> Port | None:
-    """A signal of the drive as a port, None where the plant cannot read it."""
-    if name in GIVEN:
-        return GIVEN[name][0]
-    signal = find_signal(model, name)
-    if signal is None or not signal.has_place or signal.form in {"text", "state", "fault"}:
-        return None
-    return Port(name, "bit" if signal.form == "bit" else "number", signal.doc, signal.unit)
+#: The shaft's position as the machine measures it.
+PLACE = "place"
 
 
-def given_names(model: Model) -> list[str]:
-    """The names of what it gives, without the bits of words."""
-    return [*GIVEN, *(name for name in SIGNALS if given_port(model, name) is not None)]
+@dataclass(frozen=True, slots=True)
+class PlantAxis:
+    """An axis as the plant sees it: its model, and how many revolutions a ``unit`` of its machine is."""
 
+    model: Model
+    unit: str = "revolutions"
+    revolutions: float = 1.0
 
-def place_in(axis: Axis, name: str) -> Place | None:
-    """Where the engine finds a signal of this axis; None: its telegram has no such bit."""
-    if name in GIVEN:
-        return GIVEN[name][1].in_row(axis.index)
-    signal = find_signal(axis.model, name)
-    place = None if signal is None else signal.place(axis)
-    return None if place is None else place.in_row(axis.index)
+    @classmethod
+    def of(cls, model: Model, load: Load) -> PlantAxis:
+        """By what the farm file says of the load."""
+        is_straight = load.lead is not None or model.pitch > 0.0
+        return cls(model, "mm" if is_straight else "revolutions", load.revolutions(model.pitch))
+
+    def port(self, name: str) -> Port | None:
+        """A signal of the drive as a port, None where the plant cannot read it."""
+        if name == PLACE:
+            return number(PLACE, "as shaft_position, behind gear and lead", self.unit)
+        if name in GIVEN:
+            return GIVEN[name][0]
+        signal = find_signal(self.model, name)
+        if signal is None or not signal.has_place or signal.form in {"text", "state", "fault"}:
+            return None
+        return Port(name, "bit" if signal.form == "bit" else "number", signal.doc, signal.unit)
+
+    @property
+    def names(self) -> list[str]:
+        """The names of what it gives, without the bits of words."""
+        return [PLACE, *GIVEN, *(name for name in SIGNALS if self.port(name) is not None)]
+
+    def place_in(self, axis: Axis, name: str) -> Place | None:
+        """Where the engine finds a signal of this axis; None: its telegram has no such bit."""
+        if name == PLACE:
+            return replace(GIVEN["shaft_position"][1].in_row(axis.index), scale=1.0 / self.revolutions)
+        if name in GIVEN:
+            return GIVEN[name][1].in_row(axis.index)
+        signal = find_signal(axis.model, name)
+        place = None if signal is None else signal.place(axis)
+        return None if place is None else place.in_row(axis.index)

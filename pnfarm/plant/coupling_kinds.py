@@ -24,6 +24,11 @@ class CouplingKind:
     parameters: tuple[Parameter, ...]
 
     @property
+    def port_lists(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
+        """Inputs, outputs."""
+        return tuple(port for port, _ in self.inputs), tuple(port for port, _ in self.outputs)
+
+    @property
     def kind_name(self) -> str:
         return self.name
 

@@ -11,11 +11,10 @@ from pnfarm.vocabulary.quantities import in_unit
 from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection
 
     from pnfarm.behaviours.declaration import Behaviour, Parameter
     from pnfarm.config.plant import PlantModel
-    from pnfarm.drives.description.model import Model
     from pnfarm.vocabulary.issues import Location, Report
 
 __all__ = ["read_parameters"]
@@ -25,7 +24,7 @@ def read_parameters(
     at: Location,
     model: PlantModel,
     kind: Behaviour | CouplingKind,
-    axes: Mapping[str, Model],
+    axes: Collection[str],
     report: Report,
 ) -> dict[str, Any] | None:
     """By name, those left out with their defaults; ``axes`` of a coupling by name.  None: something is wrong."""
@@ -60,7 +59,7 @@ def read_parameters(
 
 
 def _axes_of(
-    at: Location, kind: CouplingKind, given: dict[str, Any], axes: Mapping[str, Model], report: Report
+    at: Location, kind: CouplingKind, given: dict[str, Any], axes: Collection[str], report: Report
 ) -> tuple[str, ...] | None:
     """The axes that a coupling joins, taken out of ``given``."""
     key = "axis" if kind.shafts == 1 else "axes"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from pnfarm.behaviours.catalogue import BEHAVIOURS
 from pnfarm.behaviours.couplings import COUPLED
 from pnfarm.behaviours.declaration import Port
-from pnfarm.plant.axis_ports import TAKEN, given_names, given_port
+from pnfarm.plant.axis_ports import TAKEN
 from pnfarm.plant.coupling_kinds import COUPLINGS
 from pnfarm.plant.parameters import read_parameters
 from pnfarm.plant.python_file import PlantFileError, load_model
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from pnfarm.behaviours.declaration import Behaviour
     from pnfarm.config.plant import PlantModel, PlantSection, WireText
-    from pnfarm.drives.description.model import Model
+    from pnfarm.plant.axis_ports import PlantAxis
     from pnfarm.plant.coupling_kinds import CouplingKind
     from pnfarm.plant.python_file import ModelClass
     from pnfarm.signals.device_signal import KnownDevices
@@ -89,17 +89,27 @@ class PlantPlan:
     models: Mapping[str, PlannedModel] = field(default_factory=dict)
     wires: tuple[PlannedWire, ...] = ()
     values: int = 0
+    axes: Mapping[str, PlantAxis] = field(default_factory=dict)
+
+    def name_of(self, number: int) -> str:
+        """The port that has a value, as ``MODEL.PORT``."""
+        return next(
+            f"{model.name}.{name}"
+            for model in self.models.values()
+            for name, (_, own) in (*model.inputs.items(), *model.outputs.items())
+            if own == number
+        )
 
 
 _End: TypeAlias = "tuple[int | StationEnd, Port]"
 
 
 def plan_plant(
-    section: PlantSection, axes: Mapping[str, Model], devices: KnownDevices, folder: Path | None, report: Report
+    section: PlantSection, axes: Mapping[str, PlantAxis], devices: KnownDevices, folder: Path | None, report: Report
 ) -> PlantPlan:
     """Check a plant; what is wrong is reported at its place in the file.
 
-    ``axes``: models by axis; ``folder``: files of models are relative to it.  None: no file is run, and wires to models
+    ``folder``: files of models are relative to it.  None: no file is run, and wires to models
     in Python are not checked.
     """
     planner = _Planner(section, axes, devices, folder, report)
@@ -112,7 +122,7 @@ class _Planner:
     def __init__(
         self,
         section: PlantSection,
-        axes: Mapping[str, Model],
+        axes: Mapping[str, PlantAxis],
         devices: KnownDevices,
         folder: Path | None,
         report: Report,
@@ -130,7 +140,7 @@ class _Planner:
 
     @property
     def plan(self) -> PlantPlan:
-        return PlantPlan(self._section.step_ns, self._models, tuple(self._wires), self._values)
+        return PlantPlan(self._section.step_ns, self._models, tuple(self._wires), self._values, self._axes)
 
     # -- models
 
@@ -299,10 +309,10 @@ class _Planner:
             allowed = ", ".join(one for one in TAKEN if not one.startswith("input_")) + ", input_0 to input_31"
             self._report(at, f"{axis} takes no {shown(name)} from a plant{hint}", allowed)
             return None
-        found = given_port(self._axes[axis], name)
+        found = self._axes[axis].port(name)
         if found is not None:
             return StationEnd(axis, name, found, is_axis=True), found
-        names = given_names(self._axes[axis])
+        names = self._axes[axis].names
         what = f"{axis} gives no {shown(name)} to a plant{did_you_mean(name, names)}"
         self._report(at, what, ", ".join(names) + ", and bits such as zsw1.fault_present")
         return None

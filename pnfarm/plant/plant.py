@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.plant.events import PlantStepsLeftOut
 from pnfarm.plant.part import PlantPart
@@ -66,6 +66,16 @@ class Plant:
         #: The models, by name.
         self.parts = {name: PlantPart(model, self.table.values, wired) for name, model in plan.models.items()}
 
+    @property
+    def row(self) -> Any:
+        """Its row of :data:`pnfarm.table.plant.PLANT`."""
+        return self.table.row[0]
+
+    @property
+    def steps(self) -> int:
+        """Steps so far."""
+        return int(self.row.steps)
+
     def start(self, now: int) -> None:
         """Have the engine step it from its next tick on."""
         self.python.start(now)
@@ -89,7 +99,7 @@ class Plant:
 
     def changed(self, now: int) -> None:
         """The engine reported that inputs of stations changed: write them."""
-        row = self.table.row[0]
+        row = self.row
         # before the values are read: what changes from now on is reported again
         row.taken = row.reported
         values = self.table.values

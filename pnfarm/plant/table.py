@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,7 +13,7 @@ from pnfarm.behaviours.declaration import Behaviour
 from pnfarm.engine.plant.step import take_step
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
-from pnfarm.plant.axis_ports import TAKEN, place_in
+from pnfarm.plant.axis_ports import TAKEN
 from pnfarm.plant.coupling_kinds import CouplingKind
 from pnfarm.plant.plan import StationEnd
 from pnfarm.signals.places import plain_place
@@ -68,6 +69,7 @@ class PlantTable:
         self, plan: PlantPlan, axes: Mapping[str, Axis], signals: Mapping[str, PlainSignals], columns: Columns
     ) -> None:
         self._axes = axes
+        self._plan = plan
         self._signals = signals
         self._columns = columns
         self.row = PLANT.allocate(1)
@@ -147,11 +149,14 @@ class PlantTable:
         axis = self._axes.get(station)
         if axis is None:
             signals = self._signals[station]
-            return plain_place(signals.signal(signal), *signals.whereabouts(signal))
-        place = place_in(axis, signal)
-        if place is None:
+            found = signals.signal(signal)
+            place = plain_place(found, *signals.whereabouts(signal))
+            # plain_place gives the octet of a bit
+            return place if found.bit is None else replace(place, shift=found.bit, mask=1)
+        of_axis = self._plan.axes[station].place_in(axis, signal)
+        if of_axis is None:
             raise ConfigError(f"plant: telegram {axis.store.telegram_number} of {station} has no {signal}")
-        return place
+        return of_axis
 
     @staticmethod
     def _fill_probe(row: Any, place: Place) -> None:

@@ -21,6 +21,7 @@ from pnfarm.station.events import (
     PowerLost,
     PowerReturned,
 )
+from pnfarm.station.visits import Visits
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -126,6 +127,8 @@ class StationNode:
         self._not_written: MemoryNotWritten | None = None
         #: When a station that boots comes on the wire.
         self._answers_ns: int | None = None
+        #: What controllers did with it.
+        self.visits = Visits()
         #: How often it came on the wire.
         self.starts = 0
         #: Of a station with plain data; its device sets them.
@@ -259,6 +262,7 @@ class StationNode:
 
     def note(self, now: int, event: Event, axis: str = "") -> None:
         """Something happened to this station, or to an axis of it."""
+        self.visits.take(event, now)
         self._log.record(now, axis or self.configured_name, event)
 
     def keep(self, now: int, key: str, value: Any) -> bool:

@@ -62,6 +62,7 @@ PROGRAM = Layout(
         Field("task_acceleration_step", "f8", "rpm/s", "station", "one increment of a task's acceleration"),
         Field("task_deceleration_step", "f8", "rpm/s", "station", "one increment of a task's deceleration"),
         Field("task_ramps_signed", "u1", "", "station", "1 = MDI_ACC and MDI_DEC have a sign"),
+        Field("real_tasks", "u1", "", "station", "1 = the data of a task are float32: degrees, degrees/s, percent"),
         Field("ramp_step", "f8", "rpm/s", "station", "one increment of DRV_ACC and DRV_DEC"),
         Field("speed_up", "f8", "rpm/s", "station", "acceleration of a command that brings a speed"),
         Field("speed_down", "f8", "rpm/s", "station", "its deceleration"),

@@ -131,6 +131,9 @@ M_ACT = 29
 G2_ZSW = 30
 G2_XIST1 = 31
 G2_XIST2 = 32
+#: Position and velocity as the bits of float32.
+XIST_F = 33
+VIST_F = 34
 #: First slot of the set points that are sent back as received: one slot for each of :data:`SENT_BACK`.
 FIRST_SENT_BACK = 38
 #: First slot of the stored parameters that a mapping shows.
@@ -181,6 +184,11 @@ SETPOINT_SLOTS: dict[str, int] = {
     "E_STW1": STW1,
     "A_DIGITAL": A_DIGITAL_SET,
     "POS_STW": POS_STW2,
+    # float32 in place of the whole numbers
+    "MDI_TARPOS_F": MDI_TARPOS,
+    "MDI_VELOCITY_F": MDI_VELOCITY,
+    "MDI_ACC_F": MDI_ACC,
+    "MDI_DEC_F": MDI_DEC,
     "PKW_HEAD": PKW_HEAD,
     "PKW_VALUE": PKW_VALUE,
 }
@@ -223,6 +231,8 @@ ACTUAL_SLOTS: dict[str, int] = {
     "G2_ZSW": G2_ZSW,
     "G2_XIST1": G2_XIST1,
     "G2_XIST2": G2_XIST2,
+    "XIST_F": XIST_F,
+    "VIST_F": VIST_F,
     "ZSW2_ENC": ZSW2,
     "CU_ZSW1": ZSW2,
     "E_ZSW1": ZSW1,

@@ -202,3 +202,12 @@ def test_a_device_on_a_serial_line_is_shown_and_its_signals_reach_the_master():
     assert answer.status_code == 200, answer.text
     cell.world.run(0.1)
     assert cell.inputs() == (bytes.fromhex("0800000000000000"), True)
+
+
+def test_readiness_is_as_described_and_has_one_entry_for_each_station(world):
+    found = world.get("/api/v1/readiness").json()
+    assert [(one["name"], one["state"], one["visits"]) for one in found["stations"]] == [
+        ("axis-01", "unseen", []),
+        ("island-1", "unseen", []),
+    ]
+    assert (found["ready"], found["controllers"], found["missing"]) == (False, [], [])

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pnfarm.cli.farm_file import read
-from pnfarm.cli.file_doctor import examine_file, judge
+from pnfarm.cli.file_doctor import examine_file, judge, judge_cycles
 from pnfarm.farm.load import Load, load_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -87,6 +87,22 @@ def test_the_budget_is_one_processor_and_leaves_room_for_storms(drives, ok, word
     assert found.ok is ok
     assert word in found.detail
     assert bool(found.remedy) is (ok is not True)
+
+
+def test_frames_that_are_all_due_at_once_must_fit_into_the_shortest_cycle(tmp_path):
+    drives = (
+        "[{name: 'a-{n}', count: 200, model: akd-profinet, ip: 10.0.0.1/16, cycle: 32ms},\n"
+        "{name: b, model: hiwin-e1, ip: 10.0.1.1/16, cycle: 1ms}]"
+    )
+    config = read(farm(tmp_path, "link: {kind: memory}\napi: off", drives))
+    load = load_of(config)
+    (late,) = judge_cycles(config, load, 2500.0)
+    assert (late.ok, late.line) == (None, 5)
+    assert "201 stations are due at once, which takes 1 ms; the shortest cycle is 1 ms, of b" in late.detail
+    assert "estimated" in late.detail
+    (good,) = judge_cycles(config, load, 500.0)
+    assert (good.ok, good.remedy) == (True, "")
+    assert judge_cycles(config, load, None) == []
 
 
 def test_a_budget_that_could_not_be_measured_says_why():

@@ -24,13 +24,14 @@ from pnfarm.buses.projects.description_folders import DescriptionFile
 from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.farm import model_of
-from pnfarm.farm.file.reading import expand, parse_farm
+from pnfarm.farm.file.reading import expand, load_farm, parse_farm
 from pnfarm.links.capture.pcap import PcapngWriter
+from pnfarm.protocols.enip.connection_check import check_io, read_path
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire import forward_open as fo
 from pnfarm.protocols.enip.wire.cpf import emit_items
 from pnfarm.protocols.enip.wire.encapsulation import Command, EncapsulationPdu, emit_encapsulation
-from pnfarm.protocols.enip.wire.epath import LogicalSegment, emit_epath
+from pnfarm.protocols.enip.wire.epath import LogicalSegment, emit_epath, logical_path
 from pnfarm.protocols.enip.wire.identity import IdentityItem
 from pnfarm.protocols.enip.wire.message import message_request
 from pnfarm.testing import Line
@@ -230,6 +231,45 @@ def test_an_adapter_of_another_vendor_is_listed(pnfarm, tmp_path):
     assert yaml.safe_load(text).get("drives") is None
     assert "Gripper" in plain(text)
     assert "vendor 7" in plain(text)
+
+
+def device_of(pnfarm, file, folder):
+    """The farm file that a capture of one adapter becomes, in memory."""
+    out = folder / "made.pnfarm.yml"
+    found = pnfarm("import", file, "-o", out)
+    assert (found.code, found.err) == (0, "")
+    text = out.read_text().replace("{kind: macvlan, parent: eth1}", "{kind: memory}").replace("api: 127.0.0.1:8702", "")
+    out.write_text(text + "controller: {name: plc, ip: 10.77.0.1/24}\n")
+    return out
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"o_to_t": fo.NetworkParameters(2 + 4 + 10), "t_to_o": fo.NetworkParameters(2 + 24)},
+        {"o_to_t": fo.NetworkParameters(2), "t_to_o": fo.NetworkParameters(2 + 8)},
+        {"o_to_t": fo.NetworkParameters(2 + 4 + 1, variable=True), "t_to_o": fo.NetworkParameters(2, variable=True)},
+    ],
+)
+def test_an_adapter_that_no_model_fits_is_a_device_that_takes_the_captured_forward_open(pnfarm, tmp_path, asked):
+    request = forward_open(path=ANY, t_to_o_rpi_us=20_000, o_to_t_rpi_us=20_000, **asked)
+    file = taped(tmp_path, adapter(vendor=7, name=b"Gripper", revision=(3, 4)), request)
+    out = device_of(pnfarm, file, tmp_path)
+    (group,) = load_farm(out).devices
+    assert (str(group.ip), group.rpi_ns) == ("10.77.0.11/24", 20_000_000)
+    with Line.from_file(out) as line:
+        kind = line.core.device("device-0-11").device.kind
+        key = kind.described.sheet.key
+        assert (key.vendor_id, key.device_type, key.product_code, key.major_revision) == (7, 16, 1, 3)
+        check_io(request, read_path(request.path), kind.settings(key, IPv4Address("239.0.0.1")))
+        line.wait_connected(5)
+        assert line.core.device("device-0-11").device.connection().exchanging
+
+
+def test_an_adapter_with_a_connection_to_no_assembly_is_listed_with_why(pnfarm, tmp_path):
+    path = emit_epath(logical_path(0x67, 1))
+    text = imported(pnfarm, taped(tmp_path, adapter(vendor=7, name=b"Gripper"), forward_open(path=path)))
+    assert "Gripper: no device can be made of its connection: its path names no assemblies of its own" in plain(text)
 
 
 def test_an_adapter_of_the_vendor_with_other_sizes_is_no_drive(pnfarm, tmp_path):

@@ -239,7 +239,7 @@ def made(plant, **options):
 
 
 def notes(one):
-    return " | ".join(one.notes)
+    return " | ".join((*one.notes, *one.facts))
 
 
 def test_two_controllers_of_one_device_make_one_with_the_modules_of_both(tmp_path):

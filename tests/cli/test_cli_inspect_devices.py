@@ -68,3 +68,29 @@ def test_a_name_that_no_drive_and_no_device_has_is_refused(ask, farm):
     farm.answer("GET", "devices", {"devices": [LISTED]})
     outcome = ask("inspect", "ghost")
     assert (outcome.code, "there is no" in outcome.err) == (2, True)
+
+
+def test_readiness_names_controllers_refusals_and_the_line_to_change(ask, farm):
+    refusal = {"text": "slot 3: the slot is empty", "place": "3", "works": False, "count": 4, "file": "cell.pnfarm.yml",
+               "line": 14, "key": "devices[0].slots.3"}  # fmt: skip
+    visit = {"controller": 0, "state": "data", "steps": {"searched": 1.0, "data": 2.0}, "cycle_seconds": 0.016,
+             "refusals": [refusal]}  # fmt: skip
+    place = {"file": "cell.pnfarm.yml", "line": 4, "key": "devices[0].name"}
+    view = {
+        "ready": False,
+        "controllers": [{"bus": "profinet", "address": "10.0.0.1", "mac": "", "name": "plc", "exchanging": 1,
+                         "stations": 1}],
+        "stations": [{"name": "island", "state": "partly", "visits": [visit], **place},
+                     {"name": "gate", "state": "unseen", "visits": [], **place, "line": 9}],
+        "missing": [{"name": "pump-3", "controller": 0, "text": "none is called pump-3; pump-2 is near", **place}],
+    }  # fmt: skip
+    farm.answer("GET", "readiness", view)
+    lines = words(ask("inspect", "--readiness").out)
+    assert "plc 10.0.0.1 on profinet: 1 of 1 station exchange data" in lines
+    assert "island data searched, data 16 ms" in lines
+    assert "gate not asked for cell.pnfarm.yml:9 devices[0].name" in lines
+    assert "island refused slot 3: the slot is empty; change cell.pnfarm.yml:14 devices[0].slots.3" in lines
+    near = "pump-3 plc 10.0.0.1 none is called pump-3; pump-2 is near"
+    assert f"{near}; change cell.pnfarm.yml:4 devices[0].name" in lines
+    found = ask("inspect", "island", "--readiness")
+    assert (found.code, "--readiness is about all stations" in found.err) == (2, True)

@@ -11,7 +11,7 @@ import typer
 from own_interfaces import own_interfaces
 
 from pnfarm.buses import registry
-from pnfarm.buses.ethernetip.commands.scan import _take, _warnings
+from pnfarm.buses.ethernetip.commands.scan import _take, twice
 from pnfarm.buses.search import SearchAnswer, SearchBus
 from pnfarm.cli.main import main
 from pnfarm.protocols.enip.identity_search import IdentitySearch
@@ -103,9 +103,9 @@ def test_a_device_that_answers_twice_is_listed_once_and_two_at_one_address_are_t
     for serial, peer in ((1, here), (1, here), (2, there)):
         search.datagram(answer(serial), peer)
     assert len(search.found) == 2
-    assert not list(_warnings(search))
+    assert not list(twice(search))
     search.datagram(answer(3), here)
-    assert list(_warnings(search)) == ["two devices answer at 10.0.0.1: one address, two serial numbers"]
+    assert list(twice(search)) == ["two devices answer at 10.0.0.1: one address, two serial numbers"]
     assert len(search.found) == 2
 
 
@@ -113,7 +113,7 @@ def test_a_serial_number_at_two_addresses_is_told():
     search = IdentitySearch()
     for place in (1, 2):
         search.datagram(answer(9), (IPv4Address(f"10.0.0.{place}"), 44818))
-    assert list(_warnings(search)) == [
+    assert list(twice(search)) == [
         "vendor 452 serial number 0x00000009 is there 2 times: 10.0.0.1, 10.0.0.2",
     ]
 

@@ -16,7 +16,7 @@ from pnfarm.table.signals import PART_HIGH, PART_LOW, word_code
 
 OWN = "{output: [STW1, NSOLL_B, '-', M_ADD1, M_LIMIT_POS, M_LIMIT_NEG], input: [ZSW1, NIST_B, M_ACT, FAULT_CODE]}"
 MODEL = model("profidrive")
-SET_POINTS = {signal.name for signal in MODEL.profidrive.signals.values() if signal.setpoint}
+SET_POINTS = {signal.name for signal in MODEL.profidrive.signals.values() if signal.setpoint and not signal.real}
 NAMES = sorted({signal.name for signal in MODEL.profidrive.signals.values()})
 
 

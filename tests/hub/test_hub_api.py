@@ -101,7 +101,7 @@ def test_what_is_no_farm_is_away_and_told_and_the_others_work(world, answer, wor
     health = world.get("health").json()
     assert [one["state"] for one in health["shards"]] == ["up", "away"]
     assert health["shards"][1]["errors"]
-    for path in ("faults", "reactions", "doctor", "traces"):
+    for path in ("faults", "reactions", "readiness", "doctor", "traces"):
         found = world.get(path).json()
         assert (path, found["partial"], found["unreachable"][0]["shard"]) == (path, True, "s2:8702")
     assert any(one["name"] == "s2:8702: answers" and not one["ok"] for one in world.get("doctor").json()["findings"])
@@ -166,7 +166,7 @@ def test_a_shard_that_restarts_has_a_new_clock_and_its_events_go_on(world):
 
 def test_nobody_known_is_never_an_all_clear():
     world = HubWorld()
-    for path in ("drives", "faults", "readyz", "traces", "reactions"):
+    for path in ("drives", "faults", "readyz", "readiness", "traces", "reactions"):
         assert_problem(world.get(path), 503, "no shard is known yet")
     assert_problem(world.post("reset"), 503, "no shard is known yet")
     assert_problem(world.post("faults", {"kind": "silence", "on": "all"}), 503, "no shard is known yet")

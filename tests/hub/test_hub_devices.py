@@ -16,6 +16,7 @@ from hub_world import HubWorld
 from plain_station import controller_sends
 
 from pnfarm.api.paths.streams import Chosen
+from pnfarm.station.visits import Caller
 
 SIGNALS = "devices/island-2/signals"
 
@@ -281,3 +282,30 @@ def test_values_that_no_farm_sends_are_counted_and_left_out(world, monkeypatch, 
     monkeypatch.setattr(world.hub, "client", lambda shard: SimpleNamespace(stream=stream, ask=asked(shard).ask))
     assert told(world.get("live?follow=false&overview=false&device=island-2").content) == []
     assert world.known(2).errors["garbage"] == 1
+
+
+# -- readiness
+
+
+def test_the_readiness_of_all_shards_is_one_and_a_name_of_another_shard_is_not_missing():
+    world = HubWorld(("axis-{n:02}", 1), ("pump-{n:02}", 1), controller=True, skews=(0.0, 7.0))
+    for number in (1, 2):
+        assert world[number].line.world.run(10.0, until=lambda n=number: world[n].line.plc.all_connected)
+        world[number].line.world.run(0.2)
+    plc = Caller("10.77.0.250", bytes(6))
+    for number, name in ((1, "pump-01"), (1, "pump-07"), (2, "pump-07")):
+        shard = world[number]
+        shard.farm.segments["profinet"].absent.note(name, plc, shard.line.world.now)
+    found = world.get("readiness").json()
+    assert [(one["name"], one["shard"], one["state"]) for one in found["stations"]] == [
+        ("axis-01", "s1:8702", "ready"),
+        ("pump-01", "s2:8702", "ready"),
+    ]
+    assert [one["address"] for one in found["controllers"]] == ["10.77.0.250", "10.77.2.250"]
+    assert [one["visits"][0]["controller"] for one in found["stations"]] == [0, 1]
+    # two shards saw it
+    assert [one["name"] for one in found["missing"]] == ["pump-07"]
+    assert (found["ready"], found["partial"]) == (True, False)
+    world.lose(2)
+    found = world.get("readiness").json()
+    assert (len(found["stations"]), found["ready"], found["partial"]) == (1, False, True)

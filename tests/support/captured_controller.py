@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections import Counter
+from dataclasses import dataclass, field, replace
 from ipaddress import IPv4Interface
-from itertools import islice
 
 from bystander import Bystander
 
 from pnfarm.captures.reading import FrameReader
 from pnfarm.engine.tick import receive
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.ip.reassembly import Reassembler
 from pnfarm.protocols.profinet.cm.ar import compute_layout, expected_submodules
+from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, control_response
 from pnfarm.protocols.profinet.wire.cm.expected import ExpectedSubmoduleBlockReq, ModuleDiffBlock
@@ -31,15 +33,15 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
     parse_rpc,
 )
 from pnfarm.wire.ethernet import ETHERTYPE_IPV4, parse_ethernet
-from pnfarm.wire.ipv4 import parse_ipv4
+from pnfarm.wire.ipv4 import PROTOCOL_UDP, parse_ipv4
 from pnfarm.wire.udp import parse_udp
 
 
 @dataclass(frozen=True)
 class Call:
-    """One captured request: its datagram, the port it came from, and what it is."""
+    """One captured request: its datagrams, fragments in their order, the port they came from, and what they are."""
 
-    octets: bytes
+    datagrams: tuple[bytes, ...]
     port: int
     pdu: RpcPdu
 
@@ -47,34 +49,79 @@ class Call:
     def payload(self) -> bytes:
         return parse_request_args(self.pdu.body, little_endian=self.pdu.little_endian).payload
 
+    def is_answered_by(self, pdu: RpcPdu) -> bool:
+        return (pdu.activity, pdu.sequence) == (self.pdu.activity, self.pdu.sequence)
 
-def captured_calls(file, device: bytes) -> tuple[list[Call], bytes, str]:
-    """The requests of a start-up to the device with this MAC address, and its controller's MAC and IP addresses."""
-    found, mac, ip = [], b"", ""
-    # a start-up is at the beginning
-    for frame in islice(FrameReader(file), 400):
+
+@dataclass
+class Start:
+    """A captured Connect and the calls behind it, up to the controller's next one; the controller's addresses.
+
+    ``differs``: what was plugged differed from what was asked for.
+    """
+
+    mac: bytes
+    ip: str
+    calls: list[Call] = field(default_factory=list)
+    differs: bool = False
+
+
+def captured_starts(file, device: bytes) -> list[Start]:
+    """The starts of the device with this MAC address, each call of them once; one that lacks fragments is left out."""
+    starts: list[Start] = []
+    parts: dict[object, dict[int, tuple[bytes, RpcPdu]]] = {}
+    joined = Reassembler(Counter(), 64)
+    for frame in FrameReader(file):
         ether = parse_ethernet(frame.data)
-        if ether.ethertype != ETHERTYPE_IPV4 or ether.destination != device:
+        if ether.ethertype != ETHERTYPE_IPV4 or device not in {ether.destination, ether.source}:
             continue
-        packet = parse_ipv4(ether.payload)
-        datagram = parse_udp(packet.payload)
+        packet = joined.receive(parse_ipv4(ether.payload), frame.time_ns)
         try:
+            if packet is None or packet.protocol != PROTOCOL_UDP:
+                continue
+            datagram = parse_udp(packet.payload)
             pdu = parse_rpc(datagram.data)
         except DecodeError:
             continue
-        if pdu.kind == PacketType.REQUEST and pdu.opnum in {Opnum.CONNECT, Opnum.WRITE, Opnum.CONTROL}:
-            found.append(Call(datagram.data, datagram.source_port, pdu))
-            mac, ip = ether.source, str(packet.source)
-    return found, mac, ip
+        if pdu.opnum not in {Opnum.CONNECT, Opnum.WRITE, Opnum.CONTROL}:
+            continue
+        if pdu.kind != (PacketType.REQUEST if ether.destination == device else PacketType.RESPONSE):
+            continue
+        key = ether.source, pdu.activity, pdu.sequence
+        known = parts.setdefault(key, {})
+        begins = not pdu.is_fragment or pdu.fragment_number == 0
+        if begins and known and known.get(0, (datagram.data,))[0] != datagram.data:
+            known.clear()  # the same number again, for another call
+        if pdu.fragment_number in known:
+            continue
+        known[pdu.fragment_number] = datagram.data, pdu
+        last = next((number for number, (_, one) in known.items() if one.is_last), None)
+        if last is None or set(known) != set(range(last + 1)):
+            continue
+        datagrams, pdus = zip(*(known[number] for number in range(last + 1)), strict=True)
+        whole = replace(pdus[0], body=b"".join(one.body for one in pdus))
+        if ether.source == device:
+            asked = next((one for one in reversed(starts) if one.calls[0].is_answered_by(whole)), None)
+            if asked is not None:
+                answer = parse_response_args(whole.body, little_endian=whole.little_endian)
+                asked.differs = answer.status.ok and bool(differences(parse_blocks(answer.payload)))
+            continue
+        if pdu.opnum == Opnum.CONNECT:
+            starts.append(Start(ether.source, str(packet.source)))
+        own = next((one for one in reversed(starts) if one.mac == ether.source), None)
+        if own is not None:
+            own.calls.append(Call(datagrams, datagram.source_port, whole))
+    return starts
 
 
 class CapturedController(Bystander):
-    """``start`` a connection as the capture has it, and ``exchange`` data in its frames."""
+    """``start`` a connection as the capture has it, the first one of the file; ``exchange`` data in its frames."""
 
-    def __init__(self, line, file, station) -> None:
+    def __init__(self, line, file, station, start: Start | None = None) -> None:
         self.station, self.farm = station, line.farm
-        self.calls, mac, ip = captured_calls(file, station.port.mac)
-        super().__init__(line.world, "captured", mac, IPv4Interface(f"{ip}/24"))
+        found = start or captured_starts(file, station.port.mac)[0]
+        self.calls = found.calls
+        super().__init__(line.world, "captured", found.mac, IPv4Interface(f"{found.ip}/24"))
         self.ip.open_ports |= {RPC_PORT, *(call.port for call in self.calls)}
         self.arrived: list[tuple[int, int, bytes]] = []
         self.request = parse_blocks(self.calls[0].payload)
@@ -101,7 +148,8 @@ class CapturedController(Bystander):
 
     def ask(self, call: Call):
         """Send it as it was captured; PNIOStatus and payload of the answer."""
-        self._put(call.port, RPC_PORT, call.octets)
+        for octets in call.datagrams:
+            self._put(call.port, RPC_PORT, octets)
         _, pdu = self._await(PacketType.RESPONSE)
         answer = parse_response_args(pdu.body, little_endian=pdu.little_endian)
         return answer.status, answer.payload
@@ -111,12 +159,15 @@ class CapturedController(Bystander):
         answers, statuses = [], []
         for call in self.calls:
             status, payload = self.ask(call)
-            assert status.ok, f"{Opnum(call.pdu.opnum).name}: 0x{int(status):08X}"
+            assert status.ok, f"{Opnum(call.pdu.opnum).name}: {describe_status(status)}"
             if call.pdu.opnum == Opnum.CONNECT:
                 answers = parse_blocks(payload)
                 self.frame_ids = {b.iocr_reference: b.frame_id for b in answers if isinstance(b, IocrBlockRes)}
             elif call.pdu.opnum == Opnum.WRITE:
                 statuses += [header.status for header in parse_write_response(payload)]
+        if self.calls[-1].pdu.opnum != Opnum.CONTROL:
+            # the capture ends before the end of the parameters
+            return answers, statuses
         port, ready = self._await(PacketType.REQUEST)
         asked = parse_request_args(ready.body, little_endian=ready.little_endian)
         block = next(b for b in parse_blocks(asked.payload) if isinstance(b, ControlBlock))

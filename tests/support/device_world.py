@@ -9,6 +9,7 @@ from api_world import ApiWorld
 from plain_station import island
 
 from pnfarm.station.description import ModuleDescription, StationDescription, SubmoduleDescription
+from pnfarm.station.visits import Visits
 from pnfarm.trace.traced import TracedDevice
 
 DESCRIPTION = StationDescription(
@@ -30,7 +31,7 @@ def island_station(signals: Any, name: str = "island-1") -> Any:
     return SimpleNamespace(
         configured_name=name, names=(name,), kinds=("ISL-8",), axes=(), bus="profinet", device=device,
         signals=signals, powered=True, index=0, image=SimpleNamespace(injected=0),
-        description=DESCRIPTION, port=SimpleNamespace(index=9, mac=bytes(5) + b"\x09"),
+        visits=Visits(), description=DESCRIPTION, port=SimpleNamespace(index=9, mac=bytes(5) + b"\x09"),
     )  # fmt: skip
 
 

@@ -21,6 +21,12 @@ _TELEGRAMS = {
     220: ("SIEMENS telegram 220, PZD-10/10", 10, 10),
 }
 SAFE = 'AllowedInSubslots="2'
+#: A record of the parameter access point: a gain from 1 to 9, 3 unless it is written.
+_RECORDS = (
+    '<RecordDataList><ParameterRecordDataItem Index="5" Length="2"><Name TextId="Setup"/><Const Data="0x00,0x00"/>'
+    '<Ref DataType="Unsigned8" ByteOffset="1" DefaultValue="3" AllowedValues="1..9" TextId="Gain"/>'
+    "</ParameterRecordDataItem></RecordDataList>"
+)
 _OBJECTS = {"SERVO": (SERVO, (1, 3, 7, 105, 111, 220)), "VECTOR": (VECTOR, (1, 20))}
 
 
@@ -33,17 +39,18 @@ def _data(outputs: int, inputs: int) -> str:
 def drive_object_gsdml(*, supplement: tuple[int, int] | None = (3, 1), safe: str = SAFE) -> str:
     """The file's text; ``supplement``: words of telegram 750 out and in; ``safe``: attributes of PROFIsafe's place."""
     texts = {"Word": "Word", "Info": "A drive that is nobody's", "Map": "Module access point", "Empty": "Empty"}
-    texts |= {"Safe": "PROFIsafe telegram 30", "Hot": "Motor too hot"}
+    texts |= {"Safe": "PROFIsafe telegram 30", "Hot": "Motor too hot", "Bus": "Fieldbus of the Servo silent"}
+    texts |= {"Setup": "Set-up", "Gain": "Gain of the filter"}
     listed = []
 
-    def submodule(name: str, ident: int, data: str = "") -> None:
+    def submodule(name: str, ident: int, data: str = "", records: str = "") -> None:
         info = f'<ModuleInfo><Name TextId="{name}"/><InfoText TextId="Info"/></ModuleInfo>'
         listed.append(
             f'<SubmoduleItem ID="S_{name}" SubmoduleIdentNumber="0x{ident:08X}" API="14848" '
-            f'MayIssueProcessAlarm="true"><IOData>{data}</IOData>{info}</SubmoduleItem>'
+            f'MayIssueProcessAlarm="true"><IOData>{data}</IOData>{records}{info}</SubmoduleItem>'
         )
 
-    submodule("Map", 0xFFFF)
+    submodule("Map", 0xFFFF, records=_RECORDS)
     submodule("Empty", EMPTY)
     submodule("Safe", PROFISAFE, _data(3, 3))
     for number, (name, outputs, inputs) in _TELEGRAMS.items():
@@ -116,7 +123,9 @@ def drive_object_gsdml(*, supplement: tuple[int, int] | None = (3, 1), safe: str
         f"<ApplicationProcess><DeviceAccessPointList>{points}</DeviceAccessPointList>",
         f"<ModuleList>{objects}</ModuleList>",
         f"<SubmoduleList>{''.join(listed)}</SubmoduleList>",
-        '<ChannelDiagList><ChannelDiagItem ErrorType="256"><Name TextId="Hot"/></ChannelDiagItem></ChannelDiagList>',
+        '<ChannelDiagList><ChannelDiagItem ErrorType="256"><Name TextId="Hot"/></ChannelDiagItem>',
+        '<ProfileChannelDiagItem API="14848" ErrorType="36872"><Name TextId="Bus"/></ProfileChannelDiagItem>',
+        "</ChannelDiagList>",
         f"<ExternalTextList><PrimaryLanguage>{words}</PrimaryLanguage></ExternalTextList>",
         "</ApplicationProcess></ProfileBody></ISO15745Profile>",
         "",

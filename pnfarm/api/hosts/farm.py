@@ -7,12 +7,14 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import anyio
+import anyio.lowlevel
 import anyio.to_thread
 
 from pnfarm.api.paths.farm import clock_of
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.doctor.machine import examine
 from pnfarm.farm.views.reactions import reactions
+from pnfarm.farm.views.readiness import Readiness
 from pnfarm.farm.views.snapshot import engine_snapshot
 from pnfarm.metrics import CONTENT_TYPE
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
@@ -28,6 +30,8 @@ STALLED_NS = 1_000_000_000
 BACK_NS = 10_000_000_000
 #: An examination of the machine takes a second of its time, and holds for a while.
 FINDINGS_SECONDS = 60.0
+#: Stations whose readiness is made anew in one turn of the event loop.
+AT_ONCE = 64
 
 
 class FarmItself:
@@ -37,6 +41,7 @@ class FarmItself:
         self._context = context
         self._examined: tuple[float, list[dict[str, Any]]] | None = None
         self._examining = anyio.Lock()
+        self._readiness = Readiness(context.core)
 
     def clock(self) -> dict[str, Any]:
         core = self._context.core
@@ -82,6 +87,12 @@ class FarmItself:
 
     async def reactions(self) -> dict[str, Any]:
         return {"reactions": reactions(self._context.core, self._context.now())}
+
+    async def readiness(self) -> dict[str, Any]:
+        while not self._readiness.update(AT_ONCE):
+            # thousands of stations take a while, in which the event loop has other work
+            await anyio.lowlevel.checkpoint()
+        return self._readiness.view(self._context.now())
 
     async def metrics(self) -> tuple[bytes, str]:
         context = self._context

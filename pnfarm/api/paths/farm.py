@@ -9,6 +9,7 @@ from pydantic import Field
 from starlette.responses import PlainTextResponse, Response
 
 from pnfarm.api.schemas.farm import Engine  # noqa: TC001 - pydantic reads the annotations of fields
+from pnfarm.api.schemas.readiness import ReadinessView
 from pnfarm.version import __version__
 from pnfarm.web.bodies import Json, Schema
 from pnfarm.web.paths import text
@@ -116,6 +117,8 @@ class FarmHost(Protocol):
 
     async def reactions(self) -> dict[str, Any]: ...
 
+    async def readiness(self) -> dict[str, Any]: ...
+
     async def metrics(self) -> tuple[bytes, str]:
         """Octets and their type."""
 
@@ -151,6 +154,11 @@ def add_farm(path: Paths, farm: FarmHost) -> None:
     async def get_reactions() -> Json:
         """What controllers did about faults and lost connections, the newest first."""
         return Json(await farm.reactions())
+
+    @path("GET readiness", ReadinessView)
+    async def get_readiness() -> Json:
+        """What each controller found, configured and refused, with the line of the farm file to change."""
+        return Json(await farm.readiness())
 
     @path("GET version", Version)
     async def version() -> Response:

@@ -9,10 +9,11 @@ import {Faults} from "./views/faults.js";
 import {Health} from "./views/health.js";
 import {Overview} from "./views/overview.js";
 import {Reactions} from "./views/reactions.js";
+import {Readiness} from "./views/readiness.js";
 import {Scenarios} from "./views/scenarios.js";
 import {Topology} from "./views/topology.js";
 
-const VIEWS = [["", "Overview"], ["faults", "Faults"], ["reactions", "PLC reaction"], ["topology", "Topology"], ["scenarios", "Scenarios"], ["health", "Health"]];
+const VIEWS = [["", "Overview"], ["faults", "Faults"], ["reactions", "PLC reaction"], ["topology", "Topology"], ["scenarios", "Scenarios"], ["readiness", "Readiness"], ["health", "Health"]];
 
 function readPlace() {
   const [where, query] = location.hash.replace(/^#\/?/, "").split("?");
@@ -26,6 +27,7 @@ function View({parts, query}) {
     case "drive": return TABS.some(([id]) => id === (parts[2] || "live")) ? html`<${Drive} name=${parts[1]} tab=${parts[2] || "live"}/>` : html`<${Unknown} parts=${parts}/>`;
     case "device": return DEVICE_TABS.some(([id]) => id === (parts[2] || "signals")) ? html`<${Device} key=${parts[1]} name=${parts[1]} tab=${parts[2] || "signals"}/>` : html`<${Unknown} parts=${parts}/>`;
     case "faults": return html`<${Faults} on=${query.get("on") || ""} kind=${query.get("kind") || ""}/>`;
+    case "readiness": return html`<${Readiness}/>`;
     case "reactions": return html`<${Reactions}/>`;
     case "topology": return html`<${Topology}/>`;
     case "scenarios": return html`<${Scenarios} id=${parts[1] || ""}/>`;

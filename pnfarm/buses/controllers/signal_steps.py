@@ -39,6 +39,7 @@ class SignalSteps:
     task_acceleration_step: float = 1.0
     task_deceleration_step: float = 1.0
     task_ramps_signed: bool = False
+    real_tasks: bool = False
     ramp_step: float = 1.0
 
     def units(self) -> dict[str, tuple[float, str]]:
@@ -83,6 +84,7 @@ def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps
         task_acceleration_step=float(speed_up) or 1.0,
         task_deceleration_step=float(speed_down) or 1.0,
         task_ramps_signed=bool(own.task_ramps_signed),
+        real_tasks=known is not None and any(one is not None and one.real for one in known.output),
         ramp_step=float(own.acceleration_step) or 1.0,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, cast
 
 from pnfarm.buses.imports import ImportingBus, ProjectBus
+from pnfarm.buses.plant import PlantBus
 from pnfarm.buses.search import SearchBus
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["ETHERNETIP", "EthernetIp"]
 
 
-class EthernetIp(ImportingBus, ProjectBus, SearchBus):
+class EthernetIp(ImportingBus, ProjectBus, SearchBus, PlantBus):
     """See the module's docstring."""
 
     name = "ethernetip"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, cast
 
 from pnfarm.buses.imports import ImportingBus, ProjectBus
+from pnfarm.buses.plant import PlantBus
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["PROFIBUS", "Profibus"]
 
 
-class Profibus(ImportingBus, ProjectBus):
+class Profibus(ImportingBus, ProjectBus, PlantBus):
     """See the module's docstring."""
 
     name = "profibus"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.imports import Found, FoundDrive, FoundStation, drives_first
+from pnfarm.buses.imports import Found, FoundDrive, FoundStation, Said, drives_first
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
 from pnfarm.buses.profibus.decode.names import (
     configuration_text,
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profibus.decode.observed import SeenSlave
     from pnfarm.drives.description.model import Model
 
-__all__ = ["LINE", "found"]
+__all__ = ["LINE", "found", "said_of"]
 
 #: Name of the line in a farm file.
 LINE = "profibus"
@@ -42,20 +42,32 @@ def found(decoder: ProfibusDecoder, *, models: bool = True) -> Iterator[Found]:
 def _station(seen: SeenSlave, cycle_ns: int, *, models: bool) -> FoundDrive | FoundStation:
     known = model_by_ident(seen.ident) if models and seen.ident is not None else None
     facts = tuple(_facts(seen, known, cycle_ns))
+    keys: dict[str, Any] = {"address": seen.address} if seen.address <= HIGHEST_ADDRESS else {}
+    said = said_of("", seen.ident, seen.identifiers)
     if known is None:
-        return FoundStation(f"station {seen.address}", (*facts, *_like(seen)), LINE)
-    keys: dict[str, Any] = {}
+        return FoundStation(f"station {seen.address}", (*facts, *_like(seen)), LINE, keys=keys, said=said)
     notes: list[str] = []
-    if seen.address <= HIGHEST_ADDRESS:
-        keys["address"] = seen.address
-    else:
+    if not keys:
         notes.append(f"it had address {seen.address}, the default of a slave without an address")
-    return FoundDrive(f"drive-{seen.address}", known.name, keys, (*notes, *facts), line=LINE)
+    return FoundDrive(f"drive-{seen.address}", known.name, keys, tuple(notes), facts, LINE, said=said)
+
+
+def said_of(name: str, ident: int | None = None, identifiers: bytes | None = None) -> Said:
+    """What a capture or a project says of a slave, in words that are the same; ``identifiers`` are those of Chk_Cfg."""
+    return Said(
+        name=name,
+        identity={} if ident is None else {"ident number": f"0x{ident:04X}"},
+        # empty slots behind the last module may be named or not
+        subjects={} if identifiers is None else {"configuration": identifiers.rstrip(b"\0").hex(" ")},
+    )
 
 
 def _facts(seen: SeenSlave, known: Model | None, cycle_ns: int) -> Iterator[str]:
     ident, parameters = seen.ident, seen.parameters
     yield f"address {seen.address}, " + ("its ident number was not seen" if ident is None else f"ident 0x{ident:04X}")
+    for what, number in (("parameters", seen.parametrisations), ("configurations", seen.configurations)):
+        if number > 1:
+            yield f"its masters sent {number} different {what}, one after the other: the last count"
     if parameters is not None:
         yield f"Set_Prm by master {seen.master}: {parameters_text(parameters)}"
         if parameters.ident != ident:

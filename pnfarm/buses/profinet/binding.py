@@ -6,8 +6,9 @@ The only file of this protocol that depends on drives.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from pnfarm.buses.profinet.axis_slots import axis_shifts
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.deadlines import earliest
@@ -25,12 +26,15 @@ from pnfarm.wire.rtc import REDUCTION_RATIOS, SEND_CLOCK_FACTORS, SEND_CLOCK_NS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from pnfarm.buses.profinet.described.records import DescribedRecords
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.drives.telegrams.telegram import Module, Submodule
     from pnfarm.protocols.profinet.cm.ar import Ar
 
-__all__ = ["EVERY_RATIO", "AxisPlace", "DriveRecords", "describe_device", "serial_number"]
+__all__ = [
+    "EVERY_RATIO", "AxisPlace", "AxisSettings", "DriveRecords", "axis_places", "describe_device", "serial_number",
+]  # fmt: skip
 
 #: A drive with lax limits accepts every defined SendClockFactor and ReductionRatio.
 EVERY_RATIO = range(1, MAX_REDUCTION + 1)
@@ -45,6 +49,23 @@ class AxisPlace(NamedTuple):
     shift: int = 0
     telegram: int | None = None
     supplementary: int | None = None
+
+
+class AxisSettings(Protocol):
+    """One axis in the farm file; None: the model's telegram, no supplementary one, the slot behind the axis before."""
+
+    @property
+    def telegram(self) -> int | None: ...
+    @property
+    def slot(self) -> int | None: ...
+    @property
+    def supplementary(self) -> int | None: ...
+
+
+def axis_places(model: Model, axes: Sequence[AxisSettings]) -> list[AxisPlace]:
+    """The axes of a drive in the farm file."""
+    shifts = axis_shifts(model, [axis.slot for axis in axes])
+    return [AxisPlace(shift, axis.telegram, axis.supplementary) for shift, axis in zip(shifts, axes, strict=True)]
 
 
 _MODEL_AXIS = AxisPlace()
@@ -150,13 +171,13 @@ def _client(ar: Ar | None) -> int:
 
 
 class DriveRecords:
-    """The drive's own records (a ``RecordHandler``): base mode parameter access, and nothing else.
+    """The drive's own records (a ``RecordHandler``): base mode parameter access, and those of its maker's file.
 
-    They belong to the parameter access points, which are any submodules of the axes' slots in the profile's API; index
-    47 is the AKD's, 0xB02E and 0xB02F the profile's.  ``axes`` has the number of the axis, from 0, of each slot.
-    ``latency`` gives the time that the next request takes, ns.  ``error``, when set, refuses every access;
-    ``withhold``, when set, is called with the time at each read of a ready response; if it returns true, the drive is
-    still busy.
+    Parameter access is at the parameter access points, which are any submodules of the axes' slots in the profile's
+    API; index 47 is the AKD's, 0xB02E and 0xB02F the profile's.  ``axes`` has the number of the axis, from 0, of each
+    slot.  ``latency`` gives the time that the next request takes, ns.  ``further`` are the file's, None without one.
+    ``error``, when set, refuses every access; ``withhold``, when set, is called with the time at each read of a ready
+    response; if it returns true, the drive is still busy.
     """
 
     def __init__(
@@ -167,12 +188,14 @@ class DriveRecords:
         *,
         strict: bool = True,
         latency: Callable[[], int] | None = None,
+        further: DescribedRecords | None = None,
     ) -> None:
         indexes = stores[0].model.access.record_indexes
-        first, *further = stores
+        first, *others = stores
         self.channels = {
-            index: ParameterChannel(first, index, further=further, strict=strict, latency=latency) for index in indexes
+            index: ParameterChannel(first, index, further=others, strict=strict, latency=latency) for index in indexes
         }
+        self.further = further
         self.error: RecordError | None = None
         self.withhold: Callable[[int], bool] | None = None
         self._axes = axes
@@ -191,38 +214,43 @@ class DriveRecords:
         for channel in self.channels.values():
             channel.handle_timeout(now)
 
-    def _channel(self, api: int, slot: int, index: int) -> ParameterChannel | RecordError:
+    def _channel(self, api: int, slot: int, index: int) -> ParameterChannel | DescribedRecords | RecordError:
         if self.error is not None:
             return self.error
         channel = self.channels.get(index)
-        if channel is None:
-            return RecordError(AccessError.INVALID_INDEX)
-        if slot not in self._axes or api != self._api:
-            return RecordError(AccessError.INVALID_SLOT_SUBSLOT)
-        return channel
+        here = slot in self._axes and api == self._api
+        if channel is not None and here:
+            return channel
+        if self.further is not None:
+            return self.further
+        return RecordError(AccessError.INVALID_INDEX if channel is None else AccessError.INVALID_SLOT_SUBSLOT)
 
     def read(
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
-        """The response of this connection; without a ready response the access is a state conflict."""
-        del subslot
+        """The response of this connection at this submodule; without a ready one the access is a state conflict."""
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
             return channel
+        if not isinstance(channel, ParameterChannel):
+            channel.withhold = self.withhold
+            return channel.read(ar, api, slot, subslot, index, max_length, now)
         channel.handle_timeout(now)
-        if self.withhold is not None and channel.pending(_client(ar)) and self.withhold(now):
+        client, place = _client(ar), (slot, subslot)
+        if self.withhold is not None and channel.pending(client, place) and self.withhold(now):
             return RecordError(AccessError.STATE_CONFLICT)
-        response = channel.read_response(max_length, _client(ar), now)
+        response = channel.read_response(max_length, client, now, place)
         return RecordError(AccessError.STATE_CONFLICT) if response is None else response
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         """Take a parameter request; errors inside it are reported by its response."""
-        del subslot
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
             return channel
+        if not isinstance(channel, ParameterChannel):
+            return channel.write(ar, api, slot, subslot, index, data, now)
         try:
-            taken = channel.write_request(data, _client(ar), now, self._axes[slot])
+            taken = channel.write_request(data, _client(ar), now, self._axes[slot], (slot, subslot))
         except DecodeError:
             return RecordError(AccessError.WRITE_LENGTH_ERROR)
         return None if taken else RecordError(AccessError.STATE_CONFLICT)

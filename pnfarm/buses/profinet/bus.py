@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, cast
 
 from pnfarm.buses.imports import ImportingBus, ProjectBus
+from pnfarm.buses.plant import PlantBus
 from pnfarm.buses.search import SearchBus
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["PROFINET", "Profinet"]
 
 
-class Profinet(ImportingBus, ProjectBus, SearchBus):
+class Profinet(ImportingBus, ProjectBus, SearchBus, PlantBus):
     """See the module's docstring."""
 
     name = "profinet"
@@ -35,6 +36,7 @@ class Profinet(ImportingBus, ProjectBus, SearchBus):
     link_kinds = frozenset({"macvlan", "veth", "tap", "memory"})
     frame_families = ("cyclic", "dcp", "rpc", "alarm", "lldp", "ptcp", "snmp")
     description_key = "gsdml"
+    has_names = True
 
     def described_identity(
         self, path: Path, model: Model, own: Mapping[str, Any], access_point: str | int | None

@@ -6,12 +6,15 @@ note.  A station that is no drive of a known kind is a device (`found_device`) i
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.imports import Found, FoundDevice, FoundDrive, FoundStation, drives_first
 from pnfarm.buses.profinet.axis_slots import axis_stride
 from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.found_device import MOST_OCTETS, found_device
+from pnfarm.buses.profinet.said import said_of
+from pnfarm.buses.profinet.seen_device import few
 from pnfarm.drives.catalogue import models_on
 from pnfarm.wire.mac import format_mac
 
@@ -27,6 +30,8 @@ if TYPE_CHECKING:
 __all__ = ["found"]
 
 _INPUT, _OUTPUT = 1, 2
+#: No frame but DCP's says how long an address's prefix is.
+_PREFIX = 24
 _MS = 1e6
 
 
@@ -39,10 +44,14 @@ def found(decoder: ProfinetDecoder, *, models: bool = True) -> Iterator[Found]:
     for connection in observed.connections.values():
         connected.setdefault(connection.device, []).append(connection)
     controllers = {connection.controller for connection in observed.connections.values()}
+    vlans = decoder.shared.stations.vlans
+    torn = Counter(call.server for call in decoder.shared.calls.values() if call.incomplete)
     others = [
         seen
-        for mac, seen in observed.stations.items()
-        if mac not in connected and mac not in controllers and (seen.vendor is not None or seen.ip is not None)
+        for seen in (observed.station(mac) for mac in dict.fromkeys((*observed.stations, *torn)))
+        if seen.mac not in connected
+        and seen.mac not in controllers
+        and (seen.vendor is not None or seen.ip is not None or seen.mac in torn)
     ]
     octets = MOST_OCTETS
     stations: list[Found] = []
@@ -50,47 +59,70 @@ def found(decoder: ProfinetDecoder, *, models: bool = True) -> Iterator[Found]:
         *((observed.station(mac), connections) for mac, connections in connected.items()),
         *((seen, []) for seen in others),
     ):
+        first = min((one.numbers[2] for one in connections), default=0)
+        behind = [one for one in connections if one.numbers[2] != first]
+        connections = [one for one in connections if one.numbers[2] == first]
+        stations += [
+            FoundStation(f"{seen.name or format_mac(seen.mac)}, instance {instance}", tuple(_behind(seen, asked)))
+            for instance in sorted({one.numbers[2] for one in behind})
+            for asked in [[one for one in behind if one.numbers[2] == instance]]
+        ]
         # one that a device accepted says more than one that it refused
         last = max(reversed(connections), key=lambda one: bool(one.accepted), default=None)
         chosen = _model(seen, last) if models else None
+        facts = tuple(_facts(seen, last, connections, vlans(seen.mac), torn[seen.mac]))
         one: Found
         if chosen is not None:
-            one = _drive(seen, last, *chosen)
+            one = _drive(seen, last, *chosen, facts)
         elif last is not None:
-            one = found_device(seen, connections, _address(seen), _facts(seen, last), octets)
+            one = found_device(seen, connections, *_address(seen), facts, octets)
             octets -= len(one.file.octets or b"") if isinstance(one, FoundDevice) else 0
         else:
-            one = FoundStation(seen.name or format_mac(seen.mac), tuple(_facts(seen, last)))
+            named = seen.name or format_mac(seen.mac)
+            one = FoundStation(named, facts, keys=_address(seen)[0], said=said_of(seen.name, _numbers(seen)))
         stations.append(one)
     return drives_first(stations)
 
 
-def _address(seen: SeenStation) -> dict[str, Any]:
-    """The keys of a group for its addresses."""
+def _behind(seen: SeenStation, connections: Sequence[SeenConnection]) -> Iterator[str]:
+    """Of a device that shares its interface with another one, as a proxy's do."""
+    vendor, number, _ = connections[-1].numbers
+    yield f"vendor 0x{vendor:04X}, device 0x{number:04X}, behind the interface of MAC {format_mac(seen.mac)}"
+    yield "a device of a farm has an interface of its own"
+    yield _connected(connections[-1])
+    yield from few(_modules(connections[-1].apis))
+
+
+def _address(seen: SeenStation) -> tuple[dict[str, Any], list[str]]:
+    """The keys of a group for its addresses, and what is assumed."""
     keys: dict[str, Any] = {"mac": format_mac(seen.mac)}
-    if seen.ip is not None and int(seen.ip) and seen.mask is not None:
+    if seen.ip is not None and seen.mask is not None:
         keys["ip"] = f"{seen.ip}/{int(seen.mask).bit_count()}"
         if seen.gateway is not None and int(seen.gateway) and seen.gateway != seen.ip:
             keys["gateway"] = str(seen.gateway)
-    return keys
+    elif seen.called is not None and int(seen.called):
+        keys["ip"] = f"{seen.called}/{_PREFIX}"
+        return keys, [f"the length of its address's prefix is in no frame: /{_PREFIX} is assumed"]
+    return keys, []
 
 
-def _drive(seen: SeenStation, connection: SeenConnection | None, drive_model: Model, notes: list[str]) -> FoundDrive:
-    keys = _address(seen)
+def _drive(
+    seen: SeenStation,
+    connection: SeenConnection | None,
+    drive_model: Model,
+    notes: list[str],
+    facts: tuple[str, ...],
+) -> FoundDrive:
+    keys, assumed = _address(seen)
+    notes += assumed
     identity = _identity(drive_model, seen, connection, notes)
     if identity:
         keys["identity"] = identity
-    controller: dict[str, Any] = {}
     if axes := _axes(drive_model, connection):
         keys["axes"] = axes
         if len(axes) > drive_model.limits.axes:
             keys["limits"] = "lax"
     if connection is not None:
-        controller = {
-            "name": connection.controller_name,
-            "cycle_ns": connection.cycle_ns,
-            "watchdog_factor": connection.watchdog_factor,
-        }
         least, most = drive_model.limits.min_cycle_ns, drive_model.limits.max_cycle_ns
         if connection.cycle_ns < least or 0 < most < connection.cycle_ns:
             keys["limits"] = "lax"
@@ -100,8 +132,19 @@ def _drive(seen: SeenStation, connection: SeenConnection | None, drive_model: Mo
             notes.append("its connection was refused in the capture")
         elif connection.difference is not None:
             notes.append("it answered that modules differ from the project's")
-    notes += _facts(seen, connection)
-    return FoundDrive(seen.name or f"drive-{seen.mac.hex()[-6:]}", drive_model.name, keys, tuple(notes), controller)
+    telegrams = {
+        api.slot: telegram.number
+        for api, data in _with_data(connection)
+        if (telegram := _telegram(drive_model, api, data)) is not None
+    }
+    said = said_of(seen.name, _numbers(seen), telegrams=telegrams)
+    return FoundDrive(
+        seen.name or f"drive-{seen.mac.hex()[-6:]}", drive_model.name, keys, tuple(notes), facts, said=said
+    )
+
+
+def _numbers(seen: SeenStation) -> tuple[int, int] | None:
+    return None if seen.vendor is None else (seen.vendor, seen.device or 0)
 
 
 def _model(seen: SeenStation, connection: SeenConnection | None) -> tuple[Model, list[str]] | None:
@@ -205,27 +248,44 @@ def _telegram(drive_model: Model, api: ExpectedApi, data: ExpectedSubmodule) -> 
     return fitting[0] if len(fitting) == 1 else None
 
 
-def _facts(seen: SeenStation, connection: SeenConnection | None) -> list[str]:
+def _facts(
+    seen: SeenStation, connection: SeenConnection | None, connections: Sequence[SeenConnection], vlans: str, torn: int
+) -> list[str]:
+    """``connection`` is the one of its ``connections`` that counts; ``torn`` calls to it lack fragments."""
     facts = []
+    for what, had in (("was called", seen.names), ("had the address", seen.addresses)):
+        if len(had) > 1:
+            facts.append(f"it {what} {', then '.join(map(str, had))}: the last one counts")
+    if vlans:
+        facts.append(f"on {vlans}: the link of its farm has to lead there")
+    if torn:
+        facts.append(f"{torn} calls to it lack fragments: what they asked for or wrote is not known")
     if seen.vendor is not None:
         facts.append(f"vendor 0x{seen.vendor:04X}, device 0x{seen.device or 0:04X}")
     if seen.station_type:
         facts.append(f"type {seen.station_type}")
     facts.append(f"MAC {format_mac(seen.mac)}" + (f", IP {seen.ip}" if seen.ip is not None else ""))
     if connection is not None:
-        start = "advanced" if connection.advanced else "legacy"
-        every = sorted({connection.cycle_ns, *connection.cycles.values()})
-        cycles = " and ".join(f"{cycle_ns / _MS:g} ms" for cycle_ns in every)
-        facts.append(
-            f"connected by {connection.controller_name or format_mac(connection.controller)}: cycle {cycles}, "
-            f"watchdog {connection.watchdog_factor} cycles, {start} start-up"
-        )
+        # the last of each controller
+        others = {one.controller: one for one in connections}
+        others.pop(connection.controller, None)
+        facts += [_connected(connection), *few([f"also {_connected(one)}" for one in others.values()])]
         facts += _modules(connection.apis)
         if connection.parameters:
             indexes = sorted({place[3] for place in connection.parameters})
             told = ", ".join(f"0x{index:04X}" for index in indexes[:8]) + (" ..." if len(indexes) > 8 else "")
             facts.append(f"{len(connection.parameters)} start-up records: {told}")
     return facts
+
+
+def _connected(connection: SeenConnection) -> str:
+    start = "advanced" if connection.advanced else "legacy"
+    every = sorted({connection.cycle_ns, *connection.cycles.values()})
+    cycles = " and ".join(f"{cycle_ns / _MS:g} ms" for cycle_ns in every)
+    return (
+        f"connected by {connection.controller_name or format_mac(connection.controller)}: cycle {cycles}, "
+        f"watchdog {connection.watchdog_factor} cycles, {start} start-up"
+    )
 
 
 def _modules(apis: Sequence[ExpectedApi]) -> list[str]:

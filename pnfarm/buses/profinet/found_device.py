@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.imports import FoundDevice, FoundStation
 from pnfarm.buses.profinet.described.description import describe_plugged, with_serial_number
+from pnfarm.buses.profinet.said import said_of
 from pnfarm.buses.profinet.seen_device import few, seen_device
 from pnfarm.buses.profinet.seen_gsdml import describe_seen, file_name
 from pnfarm.buses.projects.description_folders import DescriptionFile
@@ -27,6 +28,7 @@ from pnfarm.wire.mac import format_mac
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from pnfarm.buses.imports import Said
     from pnfarm.buses.profinet.decode.observed import SeenConnection, SeenStation
     from pnfarm.buses.profinet.seen_device import SeenDevice
     from pnfarm.protocols.profinet.description import DeviceDescription
@@ -35,20 +37,19 @@ __all__ = ["MOST_OCTETS", "found_device"]
 
 #: Octets of all description files that are made of one capture.
 MOST_OCTETS = 4 * MAX_OCTETS
-#: No frame but DCP's says how long an address's prefix is.
-_PREFIX = 24
 
 
 def found_device(
     seen: SeenStation,
     connections: Sequence[SeenConnection],
     address: Mapping[str, Any],
+    assumed: Sequence[str],
     facts: Sequence[str],
     octets: int,
 ) -> FoundDevice | FoundStation:
     """The device of these connections; one that cannot be described, in ``octets`` at most, is another station.
 
-    ``address`` are the keys of its addresses.
+    ``address`` are the keys of its addresses, ``assumed`` what no frame says of them.
     """
     name = seen.name or f"device-{seen.mac.hex()[-6:]}"
     device = seen_device(connections)
@@ -57,21 +58,38 @@ def found_device(
         if len(text) > octets:
             raise ConfigError("the devices of the capture are more than a farm takes")
     except ConfigError as exc:
-        return FoundStation(name, (f"no device of a farm can play it: {exc}", *device.notes, *facts))
+        told = f"no device of a farm can play it: {exc}"
+        return FoundStation(name, (told, *device.notes, *facts), keys=address, said=_said(seen, device, connections))
     keys = {**address, **keys}
     notes = [
         *few(refused),
         "its data are octets, as a capture says no more: name what they mean in `signals`",
+        *assumed,
     ]
-    if "ip" not in keys and seen.called is not None and int(seen.called):
-        keys["ip"] = f"{seen.called}/{_PREFIX}"
-        notes.append(f"the length of its address's prefix is in no frame: /{_PREFIX} is assumed")
     keys |= _limits(device, connections, notes)
     return FoundDevice(
         name,
         DescriptionFile("gsdml", file_name(connections[0].time_ns), text.encode()),
         keys,
-        (*notes, *device.notes, *_differing(seen, connections), *facts),
+        (*notes, *device.notes),
+        (*_differing(seen, connections), *facts),
+        said=_said(seen, device, connections),
+    )
+
+
+def _said(seen: SeenStation, device: SeenDevice, connections: Sequence[SeenConnection]) -> Said:
+    head = device.modules[device.head]
+    return said_of(
+        seen.name,
+        connections[-1].numbers[:2],
+        access_point=head.ident,
+        slots=(
+            (slot, one.ident, (sum(sub.inputs for sub in subs), sum(sub.outputs for sub in subs)))
+            for slot, one in device.modules.items()
+            if one is not head and one.is_there
+            for subs in [one.submodules.values()]
+        ),
+        order_number=_text(next((im0.order_id for (slot, _), im0 in seen.im0.items() if slot == device.head), b"")),
     )
 
 

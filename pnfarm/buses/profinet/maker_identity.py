@@ -13,6 +13,7 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.described import AccessPointError, DescribedIdentity
+from pnfarm.buses.profinet.maker_file import MakerFile
 from pnfarm.buses.telegram_names import frame_class, is_numbered, numbers_in
 from pnfarm.protocols.profinet.gsdml.choosing import listed, matching, name_of
 from pnfarm.vocabulary.quoting import shown
@@ -109,7 +110,7 @@ def identity_of(document: Gsdml, model: Model, access_point: str | int | None = 
         if telegrams:
             found["without"] = missing
     notes += _unplayed(document, matched)
-    return DescribedIdentity(found, tuple(notes))
+    return DescribedIdentity(found, tuple(notes), MakerFile(document, dap))
 
 
 # the access point and its slot

@@ -91,6 +91,8 @@ def _hex(value: int) -> str:
 
 def _data_type(model: Model, signal: Signal) -> str:
     """By the signal's length; signed where it, or the parameter of the same name, is."""
+    if signal.real:
+        return f"Float{signal.bits}"
     pnu = model.parameter_names.get(signal.name)
     signed = signal.signed or (pnu is not None and model.parameters[pnu].signed)
     return f"{'Integer' if signed else 'Unsigned'}{signal.bits}"

@@ -81,10 +81,20 @@ def seen_device(connections: Iterable[SeenConnection]) -> SeenDevice:
         for expected in connection.apis:
             _plug(device, expected, real.get((expected.api, expected.slot)), notes)
     device.notes += few(list(dict.fromkeys(notes)))
+    _keep_earlier(device, ordered)
     _choose_head(device)
     for connection in ordered:
         _take_parameters(device, connection)
     return device
+
+
+def _keep_earlier(device: SeenDevice, ordered: Sequence[SeenConnection]) -> None:
+    """A module that no controller's last connection has is plugged all the same."""
+    last = {connection.controller: connection for connection in ordered}
+    asked = {api.slot for connection in last.values() for api in connection.apis}
+    earlier = [f"slot {slot}" for slot in sorted(device.modules) if slot not in asked]
+    if earlier:
+        device.notes.append(f"only an earlier connection has {', '.join(few(earlier))}: what was there stays")
 
 
 def is_interface(subslot: int) -> bool:

@@ -42,6 +42,7 @@ class L5xConnection:
 class L5xModule:
     """``address``: the IP address of its port towards the controller, empty for one on a backplane.
 
+    ``keyed``: whether its controller compares the identity.
     ``communications``: the attributes of its element Communications; ``configuration``: the beginning of its
     configuration as the file has it in one line, ``[octets,instance,...``.
     """
@@ -50,6 +51,7 @@ class L5xModule:
     address: str = ""
     communications: Mapping[str, str] = field(default_factory=dict)
     configuration: str = ""
+    keyed: bool = True
     connections: list[L5xConnection] = field(default_factory=list)
 
     @property
@@ -117,6 +119,8 @@ class _Reader:
         match name:
             case "Port" if attributes.get("Type") == "Ethernet" and attributes.get("Upstream") == "true":
                 module.address = module.address or attributes.get("Address", "")[:MAX_VALUE]
+            case "EKey":
+                module.keyed = attributes.get("State") != "Disabled"
             case "Communications":
                 module.communications = _bounded(attributes)
             case "Connection":

@@ -11,6 +11,7 @@ import typer
 from pnfarm.cli.completion import complete_drive
 from pnfarm.cli.inspected_connections import print_connections
 from pnfarm.cli.inspected_devices import listed_devices, print_device, print_devices
+from pnfarm.cli.inspected_readiness import print_readiness
 from pnfarm.errors import ConfigError
 from pnfarm.terminal import client
 from pnfarm.terminal.output import number, print_found, print_line, print_section, print_table, seconds
@@ -40,6 +41,14 @@ def inspect(
     follow: Annotated[
         bool, typer.Option("--follow/--no-follow", help="With --events: keep following, or show the log and exit.")
     ] = True,
+    readiness: Annotated[
+        bool,
+        typer.Option(
+            "--readiness",
+            help="Show what each controller has found, configured and refused, with the line of the farm file to "
+            "change.",
+        ),
+    ] = False,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
@@ -47,7 +56,14 @@ def inspect(
     """Show the drives of the running farm: state, telegram, controller, cycle, last fault."""
     if not follow and not events:
         raise ConfigError("--no-follow needs --events")
+    if readiness and (events or name is not None):
+        raise ConfigError("--readiness is about all stations: leave out NAME and --events")
     with client.FarmClient(api, token) as farm:
+        if readiness:
+            view = farm.get("readiness")
+            print_found(view, output, print_readiness)
+            raise_for_missing(view)
+            return
         if name is not None:
             try:
                 drive = farm.get("drives", name)

@@ -217,6 +217,7 @@ class AxisFields:
             axis.drive.settings.opmode = telegram.opmode
         slots = self._mapped_slots()
         settings.task_form = telegram.tasks
+        settings.real_tasks = any(one is not None and one.real for one in self._selection.mapping(setpoint=True))
         if telegram.tasks == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
             settings.task_form = TASKS_TABLE
         settings.torque_signals = sum((slot in slots) << bit for bit, slot in enumerate(_TORQUE_SIGNALS))

@@ -35,7 +35,9 @@ def free_telegram(model: Model) -> Telegram | None:
 def _signals(model: Model, direction: str, names: Sequence[str]) -> tuple[Signal | None, ...]:
     """The signals word by word: each name once, a double word takes two."""
     setpoint = direction == "output"
-    known = {signal.name: signal for signal in model.profidrive.signals.values() if signal.setpoint is setpoint}
+    # those of single precision come together: they are a telegram's own
+    signals = (signal for signal in model.profidrive.signals.values() if not signal.real)
+    known = {signal.name: signal for signal in signals if signal.setpoint is setpoint}
     found: list[Signal | None] = []
     for place, name in enumerate(names):
         if name != _NO_SIGNAL and name not in known:

@@ -8,10 +8,12 @@ in revolutions; all others are whole numbers as on the wire.  ``view["NIST_B"]``
 from __future__ import annotations
 
 import math
+import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.firmware.profidrive.real_words import DEGREES, DEGREES_A_SECOND
 from pnfarm.firmware.profidrive.telegram import long_step
 from pnfarm.table.signals import SLOTS
 from pnfarm.vocabulary.quoting import did_you_mean, shown
@@ -25,7 +27,9 @@ if TYPE_CHECKING:
 __all__ = ["AxisSignals", "Inputs", "Outputs", "SignalForm", "Word", "axis_signals", "signal_units"]
 
 #: Signals that carry the speed, the finest first.
-_SPEEDS = ("nsoll_b", "ref_speed", "nsoll_a", "nist_b", "act_speed", "nist_a")
+_SPEEDS = ("nsoll_b", "ref_speed", "nsoll_a", "nist_b", "act_speed", "nist_a", "vist_f")
+#: The greatest number of single precision.
+_GREATEST = 3.4028234e38
 #: Words with a sign of life, to the drive and from it.
 _LIFE_TO, _LIFE_FROM = frozenset({"stw2", "stw2_enc", "cu_stw1"}), frozenset({"zsw2", "zsw2_enc", "cu_zsw1"})
 _LIFE_SHIFT = 12
@@ -35,7 +39,8 @@ _LIFE_SHIFT = 12
 class SignalForm:
     """A signal of a telegram.  ``step``: size of one increment in ``unit``, 0 for a number as on the wire.
 
-    ``bits``: 16 or 32; ``names``: names of its bits, bit 0 first, empty where none is known.
+    ``bits``: 16 or 32; ``names``: names of its bits, bit 0 first, empty where none is known.  ``real``: the bits are a
+    number of single precision.
     """
 
     name: str
@@ -45,22 +50,32 @@ class SignalForm:
     step: float
     unit: str
     names: tuple[str, ...]
+    real: bool = False
 
     @property
-    def bounds(self) -> tuple[int, int]:
+    def bounds(self) -> tuple[float, float]:
         """The least and the greatest number on the wire."""
+        if self.real:
+            return -_GREATEST, _GREATEST
         if self.signed:
             return -(1 << self.bits - 1), (1 << self.bits - 1) - 1
         return 0, (1 << self.bits) - 1
 
-    def number(self, value: int) -> int:
+    def number(self, value: int) -> float:
         """The number on the wire from the process image's 32 bits."""
+        if self.real:
+            return float(struct.unpack(">f", struct.pack(">i", value))[0])
         value &= (1 << self.bits) - 1
         return value - (1 << self.bits) if self.signed and value >> (self.bits - 1) else value
 
-    def packed(self, number: int) -> int:
+    def packed(self, value: object) -> int:
         """The process image's 32 bits (a signed double word, or a word without a sign); raises :class:`ValueError`."""
         least, most = self.bounds
+        if self.real:
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value <= most:
+                raise ValueError(f"{self.name}: {shown(value)} is not a number of single precision")
+            return int(struct.unpack(">i", struct.pack(">f", value))[0])
+        number = _whole(self, value)
         if not least <= number <= most and not -(1 << self.bits - 1) <= number < 1 << self.bits:
             raise ValueError(f"{self.name}: {shown(number)} does not fit into {self.bits} bits")
         number &= (1 << self.bits) - 1
@@ -95,6 +110,8 @@ def signal_units(
         **dict.fromkeys(("NSOLL_B", "NIST_B"), (long_step(velocity_step, velocity_step_b), "rpm")),
         **dict.fromkeys(("MDI_TARPOS", "TARPOS_A"), (target_step, "rev")),
         **dict.fromkeys(("MDI_VELOCITY", "VELOCITY_A"), (task_velocity_step, "rpm")),
+        "MDI_TARPOS_F": (1 / DEGREES, "rev"),
+        **dict.fromkeys(("MDI_VELOCITY_F", "VIST_F"), (1 / DEGREES_A_SECOND, "rpm")),
     }
 
 
@@ -121,6 +138,7 @@ def axis_signals(
                 step=units.get(signal.name, (0.0, ""))[0],
                 unit=units.get(signal.name, (0.0, ""))[1],
                 names=_names(profidrive, signal.name, telegram),
+                real=signal.real,
             )
             for signal in signals
             if signal is not None
@@ -150,7 +168,7 @@ class Word(int):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        now = int(self) if self._owner is None else self._owner[self._form.name]
+        now = int(self if self._owner is None else self._owner[self._form.name])
         if name == "sign_of_life" and self._form.name in _LIFE_FROM | _LIFE_TO:
             return now >> _LIFE_SHIFT & 0xF
         return bool(now >> self._form.bit(name) & 1)
@@ -158,7 +176,7 @@ class Word(int):
     def __setattr__(self, name: str, value: Any) -> None:
         if self._owner is None:
             raise AttributeError(f"{self._form.name} comes from the drive: {name!r} cannot be set")
-        now = self._owner[self._form.name]
+        now = int(self._owner[self._form.name])
         if name == "sign_of_life" and self._form.name in _LIFE_TO:
             if value not in range(16):
                 raise ValueError(f"{self._form.name}.sign_of_life: {shown(value)} is not 0 to 15")
@@ -193,7 +211,7 @@ class _View:
             raise error(f"the telegram has no signal {name!r} in this direction{hint}; it has {', '.join(self._forms)}")
         return form
 
-    def __getitem__(self, name: str) -> int:
+    def __getitem__(self, name: str) -> float:
         form = self._form(name, KeyError)
         return form.number(int(self._values[form.slot]))
 
@@ -205,7 +223,7 @@ class _View:
         if form.step:
             return number * form.step
         if form.bits == 16 and not form.signed:
-            return Word(number, form, self._owner())
+            return Word(int(number), form, self._owner())
         return number
 
     def _owner(self) -> Outputs | None:
@@ -258,19 +276,20 @@ class Outputs(_View):
     def _owner(self) -> Outputs | None:
         return self
 
-    def __setitem__(self, name: str, number: int) -> None:
+    def __setitem__(self, name: str, number: float) -> None:
         form = self._form(name, KeyError)
-        self._values[form.slot] = form.packed(_whole(form, number))
+        self._values[form.slot] = form.packed(number)
 
     def __setattr__(self, name: str, value: float) -> None:
         form = self._speed() if name == "velocity" else self._form(name, AttributeError)
         if not form.step:
-            self._values[form.slot] = form.packed(_whole(form, value))
+            self._values[form.slot] = form.packed(value)
             return
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
             raise ValueError(f"{name}: {shown(value)} is not a number in {form.unit}")
         least, most = form.bounds
-        self._values[form.slot] = form.packed(min(most, max(least, round(value / form.step))))
+        number = value / form.step
+        self._values[form.slot] = form.packed(min(most, max(least, number if form.real else round(number))))
 
     @property
     def velocity(self) -> float:

@@ -41,6 +41,7 @@ __all__ = ["read_telegrams"]
 
 FILE = "telegrams.toml"
 
+REAL_BITS = 32
 #: Set points for which the axis has a field besides the telegram's.
 FALLING_BACK = ("MDI_ACC",)
 
@@ -58,6 +59,9 @@ def _signal(table: Table) -> Signal:
         raise table.wrong("readable", f"{name!r} is not a set point that the process image echoes")
     if table.get("stored", False) != name.startswith("SHOWN_"):
         raise table.wrong("stored", "only for a signal SHOWN_0, which is a stored parameter")
+    real = _flag(table, "real")
+    if real and table["bits"] != REAL_BITS:
+        raise table.wrong("real", f"a number of single precision has {REAL_BITS} bits")
     return Signal(
         number=table.required("number"),
         name=name,
@@ -70,6 +74,7 @@ def _signal(table: Table) -> Signal:
         stored=table.get("stored", False),
         shown_as=table.get("shown_as", 0),
         signed=table.get("signed", False),
+        real=real,
     )
 
 

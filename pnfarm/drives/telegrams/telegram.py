@@ -53,7 +53,7 @@ class Signal:
     A set point that is ``readable`` can be echoed as received.  ``stored``: it is not an actual value but a stored
     parameter of this number, of an array its ``element``.  ``shown_as``: lists use the number of its parameter instead
     of its own number, which only the profile defines; 0 for its own.  ``signed``: it is a signed number; this may be
-    left out if a parameter of the same name gives it.
+    left out if a parameter of the same name gives it.  ``real``: its 32 bits are a number of single precision.
     """
 
     number: int
@@ -68,6 +68,7 @@ class Signal:
     element: int = 0
     shown_as: int = 0
     signed: bool = False
+    real: bool = False
 
     @property
     def back(self) -> Signal:

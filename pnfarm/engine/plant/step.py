@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.behaviours.couplings import COUPLED, TURN, couple, uncouple
+from pnfarm.behaviours.couplings import COUPLED, TURN, couple, step_with_plant, uncouple
 from pnfarm.behaviours.dispatch import step_behaviour
 from pnfarm.engine.probes import read_plain, read_words
 from pnfarm.firmware.axis import AXIS
@@ -80,8 +80,8 @@ def _read(row: Any, values: Any, now: int) -> None:
 
 
 @inlined
-def _give(row: Any, axes: Any, values: Any, seconds: float, now: int) -> None:
-    """Values to the axes, for a step of ``seconds``; the event loop writes the inputs of stations."""
+def _give(row: Any, axes: Any, values: Any, step_ns: int, now: int) -> None:
+    """Values to the axes, for a step; the event loop writes the inputs of stations."""
     outlets = array_at(row.outlet, row.outlet_count, _OUTLET)
     words = row.axis_count * _AXIS_WORDS
     reals, whole = array_at(row.axis, words, _REAL), array_at(row.axis, words, _WORD)
@@ -91,11 +91,13 @@ def _give(row: Any, axes: Any, values: Any, seconds: float, now: int) -> None:
         value = values[outlet.value]
         if outlet.form == OUTLET_REAL:
             reals[outlet.word] = value
+            step_with_plant(axes[outlet.axis], step_ns)
         elif outlet.form == OUTLET_PLACE:
             held = axes[outlet.axis].outside
             held.place = value
-            held.speed = (value - held.shaft) * TURN / seconds
+            held.speed = (value - held.shaft) * TURN / (step_ns * 1e-9)
             held.leads = 1
+            step_with_plant(axes[outlet.axis], step_ns)
         elif outlet.form == OUTLET_STATION:
             if outlet.seen == 0 or value != outlet.shown:
                 outlet.shown = value
@@ -142,7 +144,7 @@ def take_step(row: Any, now: int) -> None:
     couplings = array_at(row.coupling, row.coupling_count, _COUPLING)
     axes = array_at(row.axis, row.axis_count, _AXIS)
     uncouple(couplings, axes, int(step))
-    _give(row, axes, values, step * 1e-9, now)
+    _give(row, axes, values, int(step), now)
     for number in range(row.coupling_count):
         coupling = couplings[number]
         couple(coupling, axes, values[coupling.value : coupling.value + COUPLED], since * 1e-9, step * 1e-9)

@@ -41,13 +41,16 @@ class Finding:
     """The result of one check.
 
     ``ok`` True: as it should be; False: a farm (or a kind of link) does not work; None: works, but not at its best, or
-    could not be determined.  ``remedy`` is the command that fixes it, empty when nothing is wrong.
+    could not be determined.  ``remedy`` is the command or the change that fixes it, empty when nothing is wrong.
+    ``line``: of the farm file, 0 for none; ``keeps_red``: the farm runs, but its PLC does not get green.
     """
 
     name: str
     ok: bool | None
     detail: str
     remedy: str = ""
+    line: int = 0
+    keeps_red: bool = False
 
 
 def examine() -> list[Finding]:

@@ -17,6 +17,7 @@ from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink
 from pnfarm.config.values import expand_name, numbered
 from pnfarm.farm.file.choice import bus_of, bus_of_controller, bus_of_devices, device_part, titles
 from pnfarm.farm.file.expand import controller_mac, expand_device_sections, expand_sections
+from pnfarm.plant.axis_ports import PlantAxis
 from pnfarm.plant.plan import plan_plant
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.wire.mac import format_mac
@@ -91,7 +92,7 @@ def _check_plant(sections: FarmSections, known: Known, report: Report) -> None:
     if sections.plant is None:
         return
     axes = {
-        axis.name: described
+        axis.name: PlantAxis.of(described, axis.load)
         for drive in expand_sections(sections, known)
         if (model := known.model(drive.model)) is not None and (described := model.described) is not None
         for axis in drive.axes

@@ -32,6 +32,8 @@ __all__ = ["WrittenFarm", "farm_name", "write_farm"]
 
 #: Characters of a comment's line, of the comments of one drive or station, and of all of them.
 _WIDTH, _MOST_OF_ONE, _MOST_OF_ALL = 116, 4000, 300_000
+#: Characters of why one thing is left out: what is allowed may be a list of everything.
+_MOST_OF_NOTE = 240
 #: Other stations that are listed; a capture of hostile frames may have any number.
 _MOST_STATIONS = 500
 #: How often the file is made: each time something of a drive or device is left out, or itself.
@@ -132,6 +134,7 @@ def _without(
     refused: dict[tuple[str, int], tuple[Location, str]] = {}
     for issue in issues:
         why = f"{issue.what}; allowed: {issue.allowed}" if issue.allowed else issue.what
+        why = why if len(why) <= _MOST_OF_NOTE else f"{why[:_MOST_OF_NOTE]} ..."
         match parse_path(issue.field):
             case (str(part), int(number), *inside) if part in parts:
                 # one of each station: the next one may be a consequence
@@ -160,7 +163,7 @@ def _without(
         else:
             told = _printable(f"cannot be in a farm: {why}")
             left_out.append(f"{one.name}: {told}")
-            others.append(FoundStation(one.name, (told, *one.notes), one.line))
+            others.append(FoundStation(one.name, (told, *one.notes, *one.facts), one.line))
     return kept
 
 
@@ -195,7 +198,8 @@ def _named(stations: Sequence[_Played]) -> list[_Played]:
     for one in stations:
         own, notes = one.name.lower(), one.notes
         if _NAME.fullmatch(own) is None or own in taken:
-            notes = (f"its name was {one.name!r}", *notes)
+            why = "which another station has, too" if own in taken else ""
+            notes = (f"its name was {one.name!r}" + (f", {why}" if why else ""), *notes)
             own = re.sub(r"[^a-z0-9]+", "-", own).strip("-") or "station"
             first, number = own, 2
             while own in taken:
@@ -252,7 +256,7 @@ def _link(stations: Sequence[Found], parent: str) -> list[str]:
 
 def _group(station: _Played, room: int, files: str) -> list[str]:
     lines = []
-    for note in station.notes:
+    for note in (*station.notes, *station.facts):
         lines += _comment(note[:room], "  # ")
         room -= len(note)
         if room <= 0:

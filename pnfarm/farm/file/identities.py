@@ -43,8 +43,8 @@ def with_identities(
         if len(asked) > 1:
             at(("identity", *next(iter(asked))[1:]), "is given twice", "the file once, as a key of the drive")
         for place, file in list(asked.items())[-1:]:
-            identity = _resolved(group, place, file, folder, known, at, notes)
-            group = group.model_copy(update={"identity": identity})
+            identity, described = _resolved(group, place, file, folder, known, at, notes)
+            group = group.model_copy(update={"identity": identity}).adopting(described)
         found.append(group)
     return found, notes
 
@@ -63,30 +63,31 @@ def _resolved(
     known: Known,
     report: Callable[[Location, str, str], None],
     notes: list[str],
-) -> dict[str, Any]:
+) -> tuple[dict[str, Any], Any]:
+    """``identity`` with what the file says, and what else a running drive has of the file."""
     own = {name: value for name, value in group.identity.items() if name not in _KEYS}
     model, bus = known.model(group.model), bus_of(group)
     if not isinstance(bus, DescribedBus) or bus.description_key != place[-1]:
         report(place, f"is no key of a drive on {bus.title}", "the keys of `identity` for this model")
-        return own
+        return own, None
     if not isinstance(file, str) or not file:
         report(place, f"is {shown(file)}", _ALLOWED)
-        return own
+        return own, None
     described = None if model is None else model.described
     if described is None:
-        return own
+        return own, None
     path = folder / Path(file).expanduser()
     try:
         found = bus.described_identity(path, described, own, getattr(group, "access_point", None))
     except AccessPointError as exc:
         chosen: Location = ("access_point",) if getattr(group, "access_point", None) is not None else place
         report(chosen, f"{path.name}: {exc}", "an access point of the file")
-        return own
+        return own, None
     except ConfigError as exc:
         report(place, str(exc), _ALLOWED)
-        return own
+        return own, None
     notes += [f"{group.name}: {path.name}: {note}" for note in found.notes]
-    return _merged(found.overrides, own)
+    return _merged(found.overrides, own), found.file
 
 
 def _merged(found: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.profidrive.objects import INFEED_CONTROL, STATELESS_CONTROL
+from pnfarm.firmware.profidrive.real_words import DEGREES, DEGREES_A_SECOND, PERCENT, bits_of
+from pnfarm.firmware.profidrive.tasks import WHOLE
 from pnfarm.firmware.profidrive.telegram import clamp16, clamp32, clamp_unsigned, long_step
 from pnfarm.firmware.program_steps import begin_leg, enter, runs, speed_of
 from pnfarm.table.axis_codes import (
@@ -110,11 +112,19 @@ def _write_task(program: Any, image: Any) -> None:
         image.sent[DRV_ACC] = clamp_unsigned(program.acceleration / program.ramp_step)
         image.sent[DRV_DEC] = clamp_unsigned(program.acceleration / program.ramp_step)
         return
-    image.sent[MDI_TARPOS] = target
-    image.sent[MDI_VELOCITY] = clamp32(velocity)
     most = 0x7FFF if program.task_ramps_signed else 0xFFFF
-    image.sent[MDI_ACC] = min(most, clamp_unsigned(program.acceleration / program.task_acceleration_step))
-    image.sent[MDI_DEC] = min(most, clamp_unsigned(program.acceleration / program.task_deceleration_step))
+    up = min(most, clamp_unsigned(program.acceleration / program.task_acceleration_step))
+    down = min(most, clamp_unsigned(program.acceleration / program.task_deceleration_step))
+    if program.real_tasks:
+        image.sent[MDI_TARPOS] = bits_of(program.targets[program.target_index] * DEGREES)
+        image.sent[MDI_VELOCITY] = bits_of(abs(program.speed) * DEGREES_A_SECOND)
+        image.sent[MDI_ACC] = bits_of(up / WHOLE * PERCENT)
+        image.sent[MDI_DEC] = bits_of(down / WHOLE * PERCENT)
+    else:
+        image.sent[MDI_TARPOS] = target
+        image.sent[MDI_VELOCITY] = clamp32(velocity)
+        image.sent[MDI_ACC] = up
+        image.sent[MDI_DEC] = down
     image.sent[MDI_MOD] = 1
     image.sent[SATZANW] = MDI_SELECTED
     image.sent[POS_STW1] = MDI_SELECTED | POS_ABSOLUTE

@@ -12,6 +12,7 @@ from pnfarm.firmware.profidrive.position_control import (
     take_override,
     take_second_position_word,
 )
+from pnfarm.firmware.profidrive.real_words import DEGREES, DEGREES_A_SECOND, FARTHEST, PERCENT, is_real, real_of
 from pnfarm.table.axis_codes import (
     CONFIG_PROFILE_JOG,
     CONFIG_RISING_EDGE,
@@ -122,6 +123,12 @@ def _ramp(profidrive: Any, word: int) -> int:
 
 
 @inlined
+def _share(bits: int) -> float:
+    """A ramp in percent, as float32: 0 to 1."""
+    return min(max(real_of(bits) / PERCENT, 0.0), 1.0)
+
+
+@inlined
 def _take_command(commands: Any, asked: Any, motion_tasks: Any) -> bool:
     """The motion task that a command starts; false for none."""
     if commands.task == 0:
@@ -135,12 +142,19 @@ def _take_command(commands: Any, asked: Any, motion_tasks: Any) -> bool:
 @inlined
 def _take_data(profidrive: Any, ramp: Any, jog: Any, asked: Any, image: Any, step: float) -> None:
     """The data of a task from MDI_*: telegram 9 and similar ones."""
-    asked.position = image.received[MDI_TARPOS] * step
-    velocity = int(image.received[MDI_VELOCITY])
-    if profidrive.settings.task_velocity_unsigned:
-        velocity &= 0xFFFFFFFF
-    # a negative velocity is not valid for a task
-    asked.velocity = velocity * profidrive.settings.task_velocity_step
+    if profidrive.settings.real_tasks:
+        place = int(image.received[MDI_TARPOS])
+        asked.position = min(max(real_of(place), -FARTHEST), FARTHEST) / DEGREES
+        # nothing begins without a target
+        velocity = real_of(int(image.received[MDI_VELOCITY])) if is_real(place) else 0.0
+        asked.velocity = velocity / DEGREES_A_SECOND
+    else:
+        asked.position = image.received[MDI_TARPOS] * step
+        increments = int(image.received[MDI_VELOCITY])
+        if profidrive.settings.task_velocity_unsigned:
+            increments &= 0xFFFFFFFF
+        # a negative velocity is not valid for a task
+        asked.velocity = increments * profidrive.settings.task_velocity_step
     if profidrive.settings.task_ramps_scaled:
         up = down = profidrive.settings.acceleration_step
     else:
@@ -154,8 +168,12 @@ def _take_data(profidrive: Any, ramp: Any, jog: Any, asked: Any, image: Any, ste
             jog.settings.deceleration,
             ramp.settings.deceleration,
         )
-    asked.acceleration = _ramp(profidrive, _acceleration(profidrive, image)) * up
-    asked.deceleration = _ramp(profidrive, int(image.received[MDI_DEC])) * down
+    if profidrive.settings.real_tasks:
+        asked.acceleration = _share(int(image.received[MDI_ACC])) * WHOLE * up
+        asked.deceleration = _share(int(image.received[MDI_DEC])) * WHOLE * down
+    else:
+        asked.acceleration = _ramp(profidrive, _acceleration(profidrive, image)) * up
+        asked.deceleration = _ramp(profidrive, int(image.received[MDI_DEC])) * down
     asked.backwards = 1 if profidrive.stw1 & BACKWARDS else 0
 
 

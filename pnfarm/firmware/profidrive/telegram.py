@@ -15,6 +15,7 @@ from pnfarm.firmware.profidrive.position_status import (
     first_position_word,
     second_position_word,
 )
+from pnfarm.firmware.profidrive.real_words import DEGREES, DEGREES_A_SECOND, bits_of
 from pnfarm.firmware.profidrive.status_word import second_status_word
 from pnfarm.firmware.reported import drive_inputs, motion_status
 from pnfarm.table.axis_codes import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
@@ -44,9 +45,11 @@ from pnfarm.table.signals import (
     SENT_BACK,
     SHOWN,
     TORQUE_SETPOINT,
+    VIST_F,
     WARN_CODE,
     XIST_A,
     XIST_ERROR,
+    XIST_F,
     ZSW1,
     ZSW2,
 )
@@ -230,10 +233,14 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[XIST_A] = signed32(
         position_number(axis.travel, axis.homing, measured_position(axis.motor, axis.measurement))
     )
+    if axis.profidrive.settings.real_tasks:
+        place = measured_position(axis.motor, axis.measurement) - axis.homing.origin
+        image.sent[XIST_F] = bits_of(place * DEGREES)
+        image.sent[VIST_F] = bits_of(velocity * DEGREES_A_SECOND)
     axis.profidrive.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.profidrive.motion_status
     image.sent[AKTSATZ] = actual_task(axis.profidrive, axis.asked, axis.positioning)
-    image.sent[ACT_CURRENT] = np.int64(np.float32(current).view(np.int32))
+    image.sent[ACT_CURRENT] = bits_of(current)
     image.sent[E_DIGITAL] = int(axis.machine.inputs) & 0xFFFF
     image.sent[DRIVE_INPUTS] = drive_inputs(axis)
     image.sent[POS_ZSW1] = first_position_word(axis)

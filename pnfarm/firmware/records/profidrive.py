@@ -63,6 +63,7 @@ PROFIDRIVE_RECORD = subject(
         Field("status_form", "u1", "", "parameter", "how the status words are used: STATUS_*"),
         Field("task_ramps_scaled", "u1", "", "parameter", "1 = a task's ramps are in units of acceleration_step"),
         Field("task_ramps_signed", "u1", "", "parameter", "1 = MDI_ACC and MDI_DEC have a sign; below 0 is no ramp"),
+        Field("real_tasks", "u1", "", "parameter", "1 = the data of a task and of the position are float32"),
         Field("task_velocity_unsigned", "u1", "", "parameter", "1 = a task's velocity in the telegram has no sign"),
         Field("home_signals", "u1", "", "parameter", "what the telegram brings: bit 0 HOME_MODE, bit 1 HOME_DIST"),
         Field("jog_signals", "u1", "", "parameter", "bits 0 and 1: the telegram brings jogging set points 1 and 2"),

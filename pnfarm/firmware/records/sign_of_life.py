@@ -13,7 +13,7 @@ LIFE_RECORD = subject(
         Field("fault", "u4", "", "parameter", "fault raised when too many failed (number | reaction << 24), 0 = none"),
         Field("tolerance", "u2", "", "parameter", "failed signs of life that raise the fault (PNU 925), 65535 = none"),
         Field("watched", "u1", "", "parameter", "1 = sign of life in STW2 and ZSW2"),
-        Field("isochronous", "u1", "", "parameter", "1 = the controller's sign of life is not monitored without IRT"),
+        Field("isochronous", "u1", "", "parameter", "1 = it is not monitored without isochronous operation"),
     ],
     state=[
         Field("errors", "i8", "", "firmware", "failed signs of life"),

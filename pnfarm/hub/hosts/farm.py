@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
 
 from pnfarm.api.paths.farm import Health, clock_of
-from pnfarm.hub.merging import joined_health
+from pnfarm.hub.merging import joined_health, joined_readiness
 from pnfarm.hub.metrics import HubCollector
 from pnfarm.hub.shards import AwayError
 from pnfarm.hub.states import ShardState
@@ -86,6 +86,12 @@ class HubItself:
         partial = self._hub.partial(answers)
         found = [one for answer in answers.good.values() for one in answer["reactions"]]
         return {"reactions": sorted(found, key=lambda one: one["seconds_ago"]), **partial}
+
+    async def readiness(self) -> dict[str, Any]:
+        answers = await self._hub.ask_all("GET", "readiness", "stations", "controllers", "missing")
+        partial = self._hub.partial(answers)
+        found = joined_readiness({shard: answers.good[shard] for shard in answers.good})
+        return {**found, "ready": found["ready"] and not partial["partial"], **partial}
 
     async def metrics(self) -> tuple[bytes, str]:
         return generate_latest(self._registry), CONTENT_TYPE_LATEST

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from pnfarm.protocols.enip.connection_states import ConnectionState
 from pnfarm.protocols.enip.status import ConnectionStatus
 from pnfarm.protocols.enip.wire.encapsulation import IO_PORT
-from pnfarm.protocols.enip.wire.forward_open import CYCLIC, ConnectionType, Priority, Triad
+from pnfarm.protocols.enip.wire.forward_open import CYCLIC, ConnectionType, ForwardOpen, Priority, Triad
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -28,6 +28,7 @@ __all__ = [
     "ManagerEvent",
     "ProductionMoved",
     "RpiBelowMinimum",
+    "originator_name",
 ]
 
 
@@ -178,8 +179,8 @@ class Connection:
 
     @property
     def originator_name(self) -> str:
-        """Vendor and serial number of the originator: it has no name."""
-        return f"0x{self.triad.vendor_id:04x}-{self.triad.originator_serial:08x}"
+        """See :func:`originator_name`."""
+        return originator_name(self.triad)
 
     @property
     def timeout_ns(self) -> int:
@@ -236,8 +237,13 @@ class ConnectionRefused:
 
     status: int
     extended: tuple[int, ...]
-    triad: Triad | None
+    request: ForwardOpen
     originator: IPv4Address
+
+
+def originator_name(triad: Triad) -> str:
+    """Vendor and serial number of the originator: it has no name."""
+    return f"0x{triad.vendor_id:04x}-{triad.originator_serial:08x}"
 
 
 ManagerEvent = ConnectionOpened | ConnectionClosed | ProductionMoved | ConnectionRefused

@@ -116,7 +116,7 @@ class ConnectionManager:
             connection = self._create(asked, origin, now)
         except Refusal as refusal:
             self.counts[_reject(refusal.extended)] += 1
-            self._note(ConnectionRefused(refusal.status, refusal.extended, request.triad, origin.address))
+            self._note(ConnectionRefused(refusal.status, refusal.extended, request, origin.address))
             return Answer(refusal.status, ForwardRefusal(request.triad).emit(), refusal.extended)
         if connection.offer is not None:
             origin.reply_items.extend(self._socket_items(connection))

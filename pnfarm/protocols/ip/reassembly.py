@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MAXIMUM_FRAGMENTS", "MAXIMUM_PACKETS", "TIMEOUT_NS", "Reassembler"]
 
-#: Packets in progress at a time; a further one displaces the oldest of its own sender, or else of all.
+#: Packets in progress at a time at one station; a further one displaces the oldest of its own sender, or else of all.
 MAXIMUM_PACKETS = 4
 #: Fragments of one packet: 64 KiB in fragments of the smallest path MTU in use (576), with a margin.
 MAXIMUM_FRAGMENTS = 128
@@ -61,13 +61,22 @@ def _end(piece: tuple[int, bytes]) -> int:
 
 
 class Reassembler:
-    """Collects fragments; discarded packets are counted in ``dropped`` by reason."""
+    """Collects fragments; discarded packets are counted in ``dropped`` by reason.
 
-    __slots__ = ("_dropped", "_partials")
+    ``packets`` are in progress at a time.
+    """
 
-    def __init__(self, dropped: Counter[str]) -> None:
+    __slots__ = ("_dropped", "_packets", "_partials")
+
+    def __init__(self, dropped: Counter[str], packets: int = MAXIMUM_PACKETS) -> None:
         self._dropped = dropped
+        self._packets = packets
         self._partials: dict[_Key, _Partial] = {}  # oldest first
+
+    @property
+    def pending(self) -> int:
+        """Packets in progress."""
+        return len(self._partials)
 
     def receive(self, packet: Ipv4Packet, now: int) -> Ipv4Packet | None:
         """A whole packet (at once if it is not fragmented), or None while fragments are missing."""
@@ -82,7 +91,7 @@ class Reassembler:
             return None
         partial = self._partials.get(key)
         if partial is None:
-            if len(self._partials) >= MAXIMUM_PACKETS:
+            if len(self._partials) >= self._packets:
                 oldest = next(iter(self._partials))
                 del self._partials[next((known for known in self._partials if known[0] == packet.source), oldest)]
                 self._dropped["fragment-displaced"] += 1

@@ -515,7 +515,7 @@ class Slave:
             self._leave(PARAMETERS_WRONG, now, sign=_Sign.NO_PARAMETERS)
             self.faults.parameters = True
             self.refusals += 1
-            self._events.append(ParametersRefused(telegram.source, wrong))
+            self._events.append(ParametersRefused(telegram.source, wrong, parameters.ident))
             return ShortAck()
         if self.state is DpState.DATA_EXCH:
             self._leave(PARAMETERS_AGAIN, now)
@@ -579,7 +579,7 @@ class Slave:
             return ShortAck()
         self._new_address = wanted.address
         self.address_locked = wanted.locks
-        self._events.append(AddressSet(wanted.address, wanted.locks))
+        self._events.append(AddressSet(wanted.address, wanted.locks, telegram.source))
         return ShortAck()
 
     # -- Global_Control ----------------------------------------------------------------------------------------------

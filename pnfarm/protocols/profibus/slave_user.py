@@ -113,10 +113,11 @@ class ParametersTaken(SlaveEvent):
 
 @dataclass(frozen=True, slots=True)
 class ParametersRefused(SlaveEvent):
-    """Set_Prm does not fit (Prm_Fault)."""
+    """Set_Prm does not fit (Prm_Fault); ``ident`` is the ident number that it names."""
 
     master: int
     why: str
+    ident: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +162,7 @@ class AddressSet(SlaveEvent):
 
     address: int
     locks: bool
+    master: int = NO_MASTER
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,11 +35,13 @@ from pnfarm.protocols.profinet.wire.records.diagnosis import (
     Usi,
     emit_items,
 )
+from pnfarm.protocols.profinet.wire.records.diagnosis_texts import describe_error_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Hashable, Iterable, Iterator
 
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey
+    from pnfarm.protocols.profinet.wire.alarms.texts import DiagnosisTexts
     from pnfarm.protocols.profinet.wire.records.diagnosis import DiagnosisItem
 
 __all__ = [
@@ -154,6 +156,14 @@ class DiagnosisEntry:
     @property
     def channel_coded(self) -> bool:
         return self.usi in _CHANNEL_USIS
+
+    def in_words(self, texts: DiagnosisTexts | None = None) -> str:
+        """What it says: by ``texts``, the device's own, else by the standard's or a profile's; octets at last."""
+        if self.channel_coded:
+            own = texts.error_type(self.api, self.error_type, self.ext_error_type) if texts is not None else ""
+            return own or describe_error_type(self.error_type, self.ext_error_type, self.api)
+        own = texts.unit(self.api, self.usi, self.data) if texts is not None else ""
+        return own or f"USI 0x{self.usi:04X} {self.data.hex(' ', 2).upper()}".rstrip()
 
     @property
     def key(self) -> Hashable:

@@ -33,6 +33,7 @@ VIEWS = {
     "#/reactions": "Fault until it was acknowledged",
     "#/topology": "LLDP",
     "#/scenarios": "Check and start",
+    "#/readiness": "exchange data",
     "#/health": "This machine",
 }
 
@@ -262,6 +263,21 @@ def test_columns_sort_the_drives(page):
     page.ask("press('button.sort', 'Drive ▲')")
     page.until("all('table.drives tbody th')[0].textContent === 'msd-01'")
     page.ask("press('button.sort', 'State')")
+
+
+def test_the_readiness_follows_what_a_drive_refuses_and_the_way_back(page, farm):
+    show(page, "#/readiness")
+    page.until("text('main').includes('Every station exchanges data, and nothing is refused.')")
+    call(farm, "POST", "faults", {"kind": "connect-refuse", "on": "akd-02"})
+    call(farm, "POST", "faults", {"kind": "ar-abort", "on": "akd-02"})
+    page.until("all('main tr', undefined).some(row => /^akd-02.*refused.*Connect refused/.test(row.textContent))")
+    assert "Every station" not in page.ask("text('main')")
+    page.ask("press('main input[type=checkbox]')")
+    page.until("all('main tbody tr').length === 1")
+    call(farm, "POST", "reset")
+    page.until("text('main').includes('Every station exchanges data, and nothing is refused.')")
+    page.until("all('main tbody tr').length === 0")
+    page.ask("press('main input[type=checkbox]')")
 
 
 def test_keys_lead_to_the_views_and_to_the_filter(page):

@@ -10,6 +10,7 @@ from profidrive_plc import ACKNOWLEDGED, FULL, MOVE, REACHED, RUN, TASK
 
 from pnfarm.buses.profibus.description.sheet import describe_model
 from pnfarm.drives.catalogue import model
+from pnfarm.farm.file.reading import FarmFileError, parse_farm
 from pnfarm.protocols.profibus.gsd.reader import parse_gsd_file
 from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profibus.gsd.writer import emit_gsd
@@ -192,3 +193,9 @@ def test_the_written_gsd_file_has_each_telegram():
         slave = plug_slave(gsd, {1: number})
         assert slave.identifiers == telegram.identifiers
         assert (slave.outputs, slave.inputs) == (2 * len(telegram.output), 2 * len(telegram.input))
+
+
+def test_several_axes_in_one_station_are_refused_with_a_sentence():
+    drive = "{name: a, model: profidrive-dp, address: 3, axes: [{name: x}, {name: y}]}"
+    with pytest.raises(FarmFileError, match="is a key of PROFINET, and this is a drive on PROFIBUS"):
+        parse_farm(f"farm: x\nlink: {{kind: memory}}\ndrives:\n  - {drive}\n")

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from ipaddress import IPv4Interface
+
 import pytest
+from axes_line import AxesLine
+from initiator import Initiator
 
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
+from pnfarm.protocols.profinet.wire.cm.connect import ArType
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockReq
 from pnfarm.testing import Line
 
 #: IsochronousModeData of the telegram's submodule, and PDSyncData of the interface: blocks with zeros inside.
@@ -22,6 +29,8 @@ controller:
     - {{api: 0x3A00, slot: 1, subslot: 2, index: 0x8030, data: "{mode}"}}
     - {{api: 0, slot: 0, subslot: 0x8000, index: 0x802D, data: "{sync}"}}
 """
+
+SLOW = "controller: {name: plc, ip: 10.77.0.100/24, reconnect: {after: 1h}}"
 
 
 def line_of(keys="", mode=MODE, sync=SYNC):
@@ -62,3 +71,28 @@ def test_octets_that_are_no_block_are_refused():
 def test_another_word_is_refused_with_a_sentence():
     with pytest.raises(FarmFileError, match="isochronous"):
         parse_farm(FARM.format(keys=", isochronous: run", mode=MODE, sync=SYNC))
+
+
+def irt(blocks):
+    """The CRs of a planned phase, as engineering gives them."""
+    return [
+        replace(block, properties=3, frame_id=0x0100 + block.iocr_type) if isinstance(block, IocrBlockReq) else block
+        for block in blocks
+    ]
+
+
+@pytest.mark.parametrize("keys", ["", ", isochronous: ignore"])
+@pytest.mark.parametrize(
+    ("ar_type", "change", "begins"),
+    [(ArType.IOCAR_SINGLE_RT_CLASS_3, None, "ARType 0x0010 is not supported"),
+     (ArType.IOCAR_SINGLE, irt, "IOCR 1: RT class 3 is not supported")],
+)  # fmt: skip
+def test_rt_class_3_is_refused_and_the_log_says_what_to_change_in_the_project(keys, ar_type, change, begins):
+    line = AxesLine(FARM.format(keys=keys, mode=MODE, sync=SYNC).partition("controller:")[0] + SLOW)
+    tool = Initiator(line, 1, IPv4Interface("10.77.0.99/24"))
+    assert tool.connect(line.farm.station("a"), ar_type=ar_type, change=change).status != 0
+    (refused,) = [one for one in line.log.entries("a") if "refused" in one.event]
+    assert refused.data["detail"] == (
+        f"{begins}: the frames of IRT need ports that are synchronised in hardware; "
+        "choose RT for this device in the project"
+    )

@@ -344,7 +344,7 @@ def test_the_watchdog_ends_what_its_master_no_longer_asks_for(bench):
 def test_the_address_changes_with_the_answer_and_only_where_it_may(bench):
     assert bench.ask(Sap.SET_SLAVE_ADDRESS, SetAddress(8, IDENT, locks=True).emit()) == ShortAck()
     assert bench.slave.address == 8
-    assert AddressSet(8, locks=True) in bench.slave.take_events()
+    assert AddressSet(8, locks=True, master=2) in bench.slave.take_events()
     answer = bench.slave.receive(
         Telegram(8, 2, SRD, Sap.SET_SLAVE_ADDRESS, Sap.MASTER, SetAddress(9, IDENT).emit()), bench.now
     )

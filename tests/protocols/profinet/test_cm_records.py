@@ -8,7 +8,7 @@ from uuid import UUID
 import pytest
 from cm_support import CAPTURE_NAMES, DRIVE, DRIVE_API, MS, UUID_1, UUID_2, Bench, calls, telegram
 
-from pnfarm.protocols.profinet.cm.device.events import RecordWritten
+from pnfarm.protocols.profinet.cm.device.events import RecordRefused, RecordWritten
 from pnfarm.protocols.profinet.cm.device.records import serve_write
 from pnfarm.protocols.profinet.errors import AccessError, CmrpcError, ConnectFault, ErrorCode, RecordError, pnio_error
 from pnfarm.protocols.profinet.records.store import IoData, NoRecords
@@ -179,13 +179,13 @@ def test_a_written_record_reaches_the_application_and_is_reported(bench):
 
 
 def test_a_refused_write_says_so_in_the_call_and_in_its_header(bench):
-    bench.establish()
+    key = bench.establish()
     bench.events()
     status, answer = write(bench, 48, b"abc", **DRIVE_PLACE)
     assert (status.error_code, status.error_decode, status.error_code1) == (0xDF, 0x80, 0xB1)
     (header,) = parse_write_response(answer)
     assert (header.status, header.additional_value1, header.additional_value2) == (status, 7, 8)
-    assert bench.events() == []
+    assert bench.events() == [RecordRefused(key, DRIVE_API, 1, 1, 48, status)]
 
 
 @pytest.mark.parametrize(
@@ -211,7 +211,8 @@ def test_a_multiple_write_goes_on_after_a_record_that_fails(bench):
     header, *inner = parse_write_response(answer)
     assert (header.index, header.record_data_length) == (0xE040, 256)
     assert [(h.status.error_code1, h.status.error_code2) for h in inner] == [(0xB1, 0), (0, 0), (0x40, 5), (8, 2)]
-    assert [e.data for e in bench.events()] == [b"abc"]
+    refused, written = bench.events()
+    assert (refused.index, refused.status, written.data) == (48, inner[0].status, b"abc")
 
 
 def test_a_real_controllers_start_up_records_for_the_physical_device_are_taken_and_kept(bench):

@@ -60,7 +60,7 @@ DIGESTS = {
     "GSDML-V2.35-pnfarm-moog-msd-20261123.xml": "50ceae05115fd579",
     "GSDML-V2.35-pnfarm-akd-profinet-2012-20261123.xml": "ecdd92587f58fa9a",
     "GSDML-V2.35-pnfarm-hiwin-e1-20261123.xml": "7803ba846ebccf42",
-    "GSDML-V2.35-pnfarm-profidrive-20261129.xml": "374b26ffc46b06c1",
+    "GSDML-V2.35-pnfarm-profidrive-20261130.xml": "ff5348760b94a78f",
 }
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.enip.encapsulation import Peer
     from pnfarm.protocols.enip.identity_search import Found, IdentitySearch
 
-__all__ = ["search"]
+__all__ = ["ask_everyone", "search", "twice"]
 
 _SIOCGIFADDR: Final = 0x8915
 _EVERYONE: Final = IPv4Address("255.255.255.255")
@@ -28,29 +28,40 @@ _LARGEST: Final = 65_535
 _SHORTEST_MS, _WAY_MS = 500, 500
 #: Datagrams that are read at once before others get their turn.
 _AT_ONCE: Final = 256
+#: Devices that are kept.
+MOST_DEVICES: Final = 4096
 
 
 async def search(question: Question) -> SearchAnswer:
     """Devices by ListIdentity.  An interface without an address cannot ask: an error if this bus was named."""
-    import anyio
-
     from pnfarm.buses.search import SearchAnswer
     from pnfarm.errors import EnvironmentError_
+
+    found = await ask_everyone(question)
+    if isinstance(found, str):
+        if question.chosen or question.addresses:
+            raise EnvironmentError_(found)
+        return SearchAnswer((), lambda: None, (found,), searched=False)
+    devices = [_device(one) for one in sorted(found.found.values(), key=lambda one: one.peer)]
+    return SearchAnswer(devices, partial(_print, devices, question.interface), tuple(twice(found)))
+
+
+async def ask_everyone(question: Question, most: int = MOST_DEVICES) -> IdentitySearch | str:
+    """Ask at an interface, and collect answers; a sentence where it has no address and so cannot ask.
+
+    Raises :class:`~pnfarm.errors.EnvironmentError_`.
+    """
+    import anyio
 
     # what looks for interfaces has an event loop of its own
     await anyio.to_thread.run_sync(_find, question.interface)
     own = _own_address(question.interface)
     if own is None:
-        sentence = (
+        return (
             f"interface {question.interface} has no IPv4 address, so EtherNet/IP devices cannot be asked: "
             f"`ip address add ADDRESS/LENGTH dev {question.interface}`"
         )
-        if question.chosen or question.addresses:
-            raise EnvironmentError_(sentence)
-        return SearchAnswer((), lambda: None, (sentence,), searched=False)
-    found = await _listen(question, own)
-    devices = [_device(one) for one in sorted(found.found.values(), key=lambda one: one.peer)]
-    return SearchAnswer(devices, partial(_print, devices, question.interface), tuple(_warnings(found)))
+    return await _listen(question, own, most)
 
 
 def _find(interface: str) -> None:
@@ -74,7 +85,7 @@ def _own_address(interface: str) -> IPv4Address | None:
     return IPv4Address(answer[20:24])
 
 
-async def _listen(question: Question, own: IPv4Address) -> IdentitySearch:
+async def _listen(question: Question, own: IPv4Address, most: int) -> IdentitySearch:
     """Ask everyone and the single addresses, and collect answers for at least a second."""
     import anyio
 
@@ -82,7 +93,7 @@ async def _listen(question: Question, own: IPv4Address) -> IdentitySearch:
     from pnfarm.protocols.enip.identity_search import IdentitySearch
     from pnfarm.protocols.enip.wire.encapsulation import ENIP_PORT
 
-    found = IdentitySearch(max(_SHORTEST_MS, round(question.seconds * 1000) - _WAY_MS))
+    found = IdentitySearch(max(_SHORTEST_MS, round(question.seconds * 1000) - _WAY_MS), most)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.setblocking(False)
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
@@ -115,7 +126,8 @@ def _take(wire: socket.socket, found: IdentitySearch) -> None:
         found.datagram(data, (IPv4Address(address), port))
 
 
-def _warnings(found: IdentitySearch) -> Iterable[str]:
+def twice(found: IdentitySearch) -> Iterable[str]:
+    """Sentences about addresses and serial numbers that are there more than once."""
     for address, _ in sorted(found.conflicts):
         yield f"two devices answer at {address}: one address, two serial numbers"
     by_serial: dict[tuple[int, int], list[Peer]] = {}

@@ -5,7 +5,7 @@ The decoder tells each fact as it finds it.  Of each kind a bounded number is ke
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.captures.stations import Bounded
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Observed", "SeenAdapter", "SeenOpening"]
 
+#: Further MAC addresses at one IP address.
+MOST_OTHERS = 8
+
 
 @dataclass(slots=True)
 class SeenAdapter:
@@ -32,6 +35,8 @@ class SeenAdapter:
     product_code: int = 0
     product_name: str = ""
     revision: tuple[int, int] = (0, 0)
+    #: MAC addresses from which something else answered at its IP address.
+    others: list[bytes] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -49,11 +54,13 @@ class SeenOpening:
 
 
 class Observed:
-    """See the module's docstring.  ``openings``: the last of each originator and device."""
+    """See the module's docstring.  ``openings``: the last of each originator, device, points and sizes, in the order in
+    which they were last asked for."""
 
     def __init__(self) -> None:
         self.adapters: Bounded[IPv4Address, SeenAdapter] = Bounded()
-        self.openings: Bounded[tuple[IPv4Address, IPv4Address], SeenOpening] = Bounded()
+        self.openings: Bounded[tuple[IPv4Address, IPv4Address, tuple[int, ...], int, int], SeenOpening] = Bounded()
+        self._current: Bounded[tuple[IPv4Address, IPv4Address], SeenOpening] = Bounded()
 
     def _adapter(self, ip: IPv4Address, mac: bytes) -> SeenAdapter:
         found = self.adapters.get(ip)
@@ -61,6 +68,8 @@ class Observed:
             found = SeenAdapter(ip, mac)
             if not (is_group(mac) or ip.is_multicast or ip.is_unspecified or ip.is_reserved or ip.is_loopback):
                 self.adapters[ip] = found
+        elif mac not in {found.mac, *found.others} and len(found.others) < MOST_OTHERS:
+            found.others.append(mac)
         return found
 
     def identified(self, ip: IPv4Address, mac: bytes, item: IdentityItem) -> None:
@@ -77,10 +86,13 @@ class Observed:
         seen = self._adapter(device, mac)
         if key is not None and not seen.vendor:
             seen.vendor, seen.device_type, seen.product_code = key.vendor_id, key.device_type, key.product_code
-        self.openings[originator, device] = SeenOpening(originator, request, points, multiplier)
+        place = originator, device, points, request.o_to_t.size, request.t_to_o.size
+        self.openings.pop(place, None)
+        found = SeenOpening(originator, request, points, multiplier)
+        self.openings[place] = self._current[originator, device] = found
 
     def answered(self, originator: IPv4Address, device: IPv4Address, refused: str) -> None:
         """Its answer; "": it was accepted."""
-        found = self.openings.get((originator, device))
+        found = self._current.get((originator, device))
         if found is not None:
             found.refused = refused

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.buses.ethernetip.described.file_signals import SUBSLOT
@@ -15,14 +16,13 @@ from pnfarm.errors import InternalError
 from pnfarm.protocols.enip.connection import ConnectionSettings, IoOffer, RpiBelowMinimum
 from pnfarm.protocols.enip.connection_check import Refusal
 from pnfarm.protocols.enip.objects.assembly import AssemblyData
-from pnfarm.protocols.enip.objects.identity import IdentityData
 from pnfarm.protocols.enip.status import GeneralStatus
 from pnfarm.protocols.enip.wire.forward_open import ConnectionType
 from pnfarm.signals.station_signals import StationSignals
 from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from ipaddress import IPv4Address
 
     from pnfarm.buses.ethernetip.described.station import DescribedStation
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.enip.eds.document import Connection as EdsConnection
     from pnfarm.protocols.enip.eds.document import Limits, Member
     from pnfarm.protocols.enip.object import CipObject
+    from pnfarm.protocols.enip.objects.identity import IdentityData
     from pnfarm.protocols.enip.wire.epath import ElectronicKey
 
 __all__ = ["DescribedKind", "DescribedSettings", "io_connections", "offer_of"]
@@ -41,8 +42,6 @@ _USUAL_IO, _USUAL_EXPLICIT = 8, 16
 _MOST_IO, _MOST_EXPLICIT = 32, 64
 #: Shortest packet interval of a file that names none.
 _SHORTEST_RPI_US = 1000
-#: Longest product name (CIP volume 1, 5A-2.2), octets.
-_LONGEST_NAME = 32
 
 
 class DescribedSettings(Protocol):
@@ -65,6 +64,10 @@ class DescribedKind:
     Inputs begin with the values of their parameters, and survive a power cycle (assumed: what a sensor sees does not
     depend on the device's supply).
     """
+
+    keys: Mapping[str, tuple[str, ...]] = MappingProxyType(
+        {"key": ("eds",), "path": ("eds",), "sizes": ("sizes",), "interval": ("limits",)}
+    )
 
     def __init__(self, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
         self.described = settings.described
@@ -102,15 +105,7 @@ class DescribedKind:
 
     def identity(self, serial: int) -> IdentityData:
         """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
-        key = self.described.sheet.key
-        return IdentityData(
-            key.vendor_id,
-            key.device_type,
-            key.product_code,
-            (key.major_revision, key.minor_revision),
-            serial,
-            self.described.title[:_LONGEST_NAME],
-        )
+        return self.described.identity(serial)
 
     def settings(self, key: ElectronicKey, multicast: IPv4Address) -> ConnectionSettings:
         """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.ethernetip.described.file_signals import SUBSLOT
 from pnfarm.buses.plain_layout import PlainLayout, plain_layout
+from pnfarm.protocols.enip.objects.identity import IdentityData
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
     from pnfarm.signals.signal import Direction, Signal
 
 __all__ = ["DescribedStation", "Point", "composed", "points_of"]
+
+
+#: Longest product name (CIP volume 1, 5A-2.2), octets.
+_LONGEST_NAME = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +81,13 @@ class DescribedStation:
     @property
     def title(self) -> str:
         return self.sheet.product or self.sheet.catalog or "device"
+
+    def identity(self, serial: int) -> IdentityData:
+        """What a device of this serial number answers."""
+        key = self.sheet.key
+        revision = key.major_revision, key.minor_revision
+        name = self.title[:_LONGEST_NAME]
+        return IdentityData(key.vendor_id, key.device_type, key.product_code, revision, serial, name)
 
     @cached_property
     def inputs(self) -> PlainLayout:

@@ -12,17 +12,20 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.ethernetip.device import events as happened
+from pnfarm.buses.ethernetip.device.refused import of_forward_open
 from pnfarm.protocols.enip.connection import (
     CloseReason,
     ConnectionClosed,
     ConnectionOpened,
     ConnectionRefused,
     ProductionMoved,
+    originator_name,
 )
 from pnfarm.protocols.enip.connection_check import Refusal
 from pnfarm.protocols.enip.status import ConnectionStatus, status_text
 from pnfarm.station.events import StartUpPhase, WatchdogExpired
 from pnfarm.station.lateness import Lateness, budget_ns
+from pnfarm.station.visits import Caller
 from pnfarm.table.channel import W_START
 
 if TYPE_CHECKING:
@@ -115,7 +118,11 @@ class StationConnections:
                     if isinstance(following, ProductionMoved) and following.source is connection:
                         self._hand_over(following, now)
                     self._closed(event, now)
-                case ConnectionRefused(status, extended, _, ip):
+                case ConnectionRefused(status, extended, request, ip):
+                    key, triad = self._adapter().manager.settings.key, request.triad
+                    caller = Caller(str(ip), name=originator_name(triad))
+                    refusal = of_forward_open(event, key, self._kind)
+                    self._station.visits.refused(caller, [refusal], attempt=True)
                     meaning = status_text(status, extended)
                     self._station.note(now, happened.ForwardOpenRefused(ip, status, extended, meaning))
                 case _:
@@ -131,6 +138,8 @@ class StationConnections:
         if channels.feeds:
             self.lost_owner = False
             self._kind.fed(connection.timeout_ns, channels.cycle_ns)
+        caller = Caller(str(connection.originator), name=connection.originator_name)
+        self._station.visits.opened(caller, connection.number, channels.cycle_ns, connection.timeout_ns, now)
         self._station.note(
             now,
             happened.IoConnectionOpened(

@@ -26,8 +26,9 @@ from pnfarm.protocols.enip.objects.identity import identity_key
 from pnfarm.protocols.enip.objects.qos import QosData
 from pnfarm.protocols.enip.objects.tcp_ip import TcpIpData, multicast_address
 from pnfarm.protocols.enip.status import GeneralStatus
-from pnfarm.protocols.enip.wire.encapsulation import ENIP_PORT, IO_PORT
+from pnfarm.protocols.enip.wire.encapsulation import ENIP_PORT, IO_PORT, Command
 from pnfarm.station.events import ControllerModeChanged
+from pnfarm.station.visits import Caller
 from pnfarm.table import engine_row
 from pnfarm.wire.endpoint import (
     Datagram,
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
 
 __all__ = ["EthernetIpDevice"]
 
+_LIST_IDENTITY = Command.LIST_IDENTITY.to_bytes(2, "little")
 #: A reset leaves the drive this time to send its answer.
 RESET_NS = 100_000_000
 #: Attributes of the Identity object (CIP volume 1, 5A-2.2): bits and field of the status, and the state.
@@ -274,6 +276,7 @@ class EthernetIpDevice:
         match event:
             case StreamOpened(stream=stream, peer=peer):
                 self._peers[stream] = peer
+                self.station.visits.step(Caller(str(peer[0])), "searched", now)
                 self.note(now, happened.SessionOpened(*peer))
                 self.adapter.opened(stream, peer, now)
             case StreamReceived(stream=stream, data=data):
@@ -292,6 +295,8 @@ class EthernetIpDevice:
                 self.adapter.closed(stream, now)
             case DatagramReceived(peer=peer, data=data, broadcast=broadcast):
                 self.traffic.received(len(data), broadcast=broadcast)
+                if data[:2] == _LIST_IDENTITY:
+                    self.station.visits.step(Caller(str(peer[0])), "searched", now)
                 self.adapter.datagram(data, peer, now, broadcast=broadcast)
         self._settle(now)
 

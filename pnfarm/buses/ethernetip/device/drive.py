@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol, cast
 
 from pnfarm.buses.ethernetip.device.kind import Carried
@@ -18,7 +19,7 @@ from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 from pnfarm.table.signals import ASSEMBLY, PART_HIGH, PART_LOW, word_code
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Address
 
     from pnfarm.protocols.enip.connection import Connection, ConnectionSettings, IoOffer
@@ -55,6 +56,9 @@ class DriveKind:
 
     plain_row = 0
     label = "X11"
+    keys: Mapping[str, tuple[str, ...]] = MappingProxyType(
+        {"key": ("identity",), "path": ("model",), "sizes": ("model",), "interval": ("limits",)}
+    )
 
     def __init__(self, station: Station) -> None:
         self._station = station

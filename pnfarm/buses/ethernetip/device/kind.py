@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Address, IPv4Interface
 
     from pnfarm.engine.channels.parts import Piece
@@ -50,6 +50,8 @@ class Kind(Protocol):
 
     plain_row: int
     label: str
+    #: What of a Forward_Open may not fit (``key``, ``path``, ``sizes``, ``interval``) -> where the farm file says it.
+    keys: Mapping[str, tuple[str, ...]]
     io_connections: int
     sessions: int
     assemblies: Sequence[AssemblyData]

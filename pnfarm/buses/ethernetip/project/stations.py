@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from pnfarm.buses.decoding.identity import models_by
 from pnfarm.buses.ethernetip.decode.identity import numbers_of
 from pnfarm.buses.ethernetip.described.file_signals import SUBSLOT
 from pnfarm.buses.ethernetip.eds_file import read_eds
+from pnfarm.buses.ethernetip.found import said_of
 from pnfarm.buses.ethernetip.project.generic import generic_eds, lengths, points
 from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation, drives_first
 from pnfarm.buses.projects.description_folders import DescriptionFile
@@ -65,7 +67,8 @@ class _Stations:
     def found(self) -> Iterator[Found]:
         for module in self._project.modules:
             if (ip := _address(module.address)) is not None:
-                yield self._of(module, ip)
+                one = self._of(module, ip)
+                yield one if isinstance(one, FoundStation) or module.keyed else replace(one, keyed=False)
 
     def _of(self, module: L5xModule, ip: IPv4Address) -> Found:
         numbers = tuple(module.number(key) for key in ("Vendor", "ProductType", "ProductCode"))
@@ -76,30 +79,31 @@ class _Stations:
         connection = next((c for c in module.connections if c.attributes.get("Type", "") in _WITH_DATA), None)
         if connection is not None and (rpi := _interval(connection)):
             keys["rpi"] = rpi
+        said = said_of(module.name, numbers, f"{module.number('Major')}.{module.number('Minor')}")
         model = models_by("ethernetip", numbers_of).get(numbers)
         if model is not None:
-            return FoundDrive(module.name, model.name, keys, (*notes, *facts))
+            return FoundDrive(module.name, model.name, keys, tuple(notes), facts, said=said)
         generic = module.attributes.get("CatalogNumber", "").upper() == _GENERIC
         file = None if generic else self._file(numbers, module.number("Major"))
         if file is not None:
-            return self._by_file(module, connection, file, keys, notes, facts)
+            return replace(self._by_file(module, connection, file, keys, notes, facts), said=said)
         named = f"an EDS file for vendor {numbers[0]}, type {numbers[1]}, code {numbers[2]}"
         missing = "" if generic else f"{named} ({module.attributes.get('CatalogNumber', '')})"
         octets = None if connection is None else generic_eds(module, connection)
         try:
             own = None if octets is None else read_eds(octets, module.name).connection()
         except ConfigError as exc:
-            return FoundStation(
-                module.name, (f"no device can be made of its connection: {exc}", *facts), missing=missing
-            )
+            why = f"no device can be made of its connection: {exc}"
+            return FoundStation(module.name, (why, *facts), missing=missing, keys=keys, said=said)
         if own is None or octets is None or connection is None or len(own.points) < 2:
             why = "the project has no connection with its data and their assemblies"
-            return FoundStation(module.name, (why, *facts), missing=missing)
+            return FoundStation(module.name, (why, *facts), missing=missing, keys=keys, said=said)
         notes.append("its data are octets, as the project says no more")
         if missing:
             notes.append(f"with {missing} it has names and parameters")
         keys |= self._signals(module, connection, notes, own)
-        return FoundDevice(module.name, DescriptionFile("eds", "pnfarm-{name}.eds", octets), keys, (*notes, *facts))
+        made = DescriptionFile("eds", "pnfarm-{name}.eds", octets)
+        return FoundDevice(module.name, made, keys, tuple(notes), facts, said=said)
 
     def _file(self, numbers: tuple[int, ...], major: int) -> FileAtHand | None:
         """Of several files for a device the one with the project's major revision."""
@@ -118,7 +122,8 @@ class _Stations:
         try:
             sheet = read_eds(file.octets(LONGEST), file.name)
         except ConfigError as exc:
-            return FoundStation(module.name, (str(exc), *facts))
+            return FoundStation(module.name, (str(exc), *facts), keys=keys)
+        doubts: tuple[str, ...] = ()
         chosen = None if connection is None else _connection(sheet, points(module, connection))
         if chosen is not None and connection is not None:
             keys["connection"] = chosen.keyword
@@ -127,8 +132,10 @@ class _Stations:
                 if limits.least < limits.most and sizes[way]:
                     keys.setdefault("sizes", {})[way] = sizes[way]
         elif connection is not None:
-            notes.append(f"the project's connection {connection.attributes.get('Name', '')!r} is not in {file.name}")
-        return FoundDevice(module.name, file.for_farm("eds", self._base, LONGEST), keys, (*notes, *facts))
+            doubts = (f"the project's connection {connection.attributes.get('Name', '')!r} is not in {file.name}",)
+            notes += doubts
+        written = file.for_farm("eds", self._base, LONGEST)
+        return FoundDevice(module.name, written, keys, tuple(notes), facts, doubts=doubts)
 
     def _signals(
         self, module: L5xModule, connection: L5xConnection, notes: list[str], own: Connection

@@ -21,7 +21,10 @@ MOST_SLAVES = 127
 
 @dataclass(slots=True)
 class SeenSlave:
-    """``parameters``: of the last Set_Prm that took it, by ``master``; ``identifiers``: of Chk_Cfg, else of Get_Cfg."""
+    """``parameters``: of the last Set_Prm that took it, by ``master``; ``identifiers``: of Chk_Cfg, else of Get_Cfg.
+
+    How often either was another than before is counted.
+    """
 
     address: int
     answers: int = 0
@@ -29,6 +32,8 @@ class SeenSlave:
     master: int | None = None
     parameters: Parameters | None = None
     identifiers: bytes | None = None
+    parametrisations: int = 0
+    configurations: int = 0
 
     @property
     def ident(self) -> int | None:
@@ -55,11 +60,14 @@ class Observed:
     def parametrised(self, address: int, master: int, parameters: Parameters) -> None:
         """Set_Prm with Lock_Req."""
         slave = self._slave(address)
+        slave.parametrisations += (slave.master, slave.parameters) != (master, parameters)
         slave.master, slave.parameters = master, parameters
 
     def configured(self, address: int, identifiers: bytes) -> None:
         """Chk_Cfg."""
-        self._slave(address).identifiers = identifiers
+        slave = self._slave(address)
+        slave.configurations += not slave.configurations or slave.identifiers != identifiers
+        slave.identifiers = identifiers
 
     def answered(self, address: int) -> None:
         """A service of DP, whatever the answer."""

@@ -50,6 +50,8 @@ class DescribedKind:
     number = 0
     reports_faults = False
     fixed_length = False
+    # as many as its modules have
+    parameters_key: tuple[str, ...] = ("slots",)
 
     def __init__(self, station: Station, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
         self._station = station
@@ -123,6 +125,9 @@ class DescribedKind:
 
     def ended(self) -> None:
         self.user.without_master()
+
+    def difference(self, identifiers: bytes) -> tuple[int, str] | None:
+        return self.described.plugged.difference(identifiers)
 
     def readdressed(self, address: int, now: int) -> None:
         self._station.keep(now, "address", address)

@@ -9,6 +9,7 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profibus.device import events as happened
+from pnfarm.buses.profibus.device import refused
 from pnfarm.buses.profibus.device.fast_path import READY
 from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.buses.profibus.device.view import connection_of, details_of, losses_in_words, view_of
@@ -20,13 +21,16 @@ from pnfarm.protocols.profibus.wire.telegram import (
     BODY,
     FCB,
     Answer,
+    Request,
+    Sap,
     Telegram,
     emit_data,
     emit_telegram,
     parse_telegram,
 )
-from pnfarm.station.events import ControllerModeChanged, WatchdogExpired
+from pnfarm.station.events import ControllerModeChanged, StartUpPhase, WatchdogExpired
 from pnfarm.station.lateness import budget_ns
+from pnfarm.station.visits import Caller, Refusal
 from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED
 
 if TYPE_CHECKING:
@@ -43,6 +47,13 @@ if TYPE_CHECKING:
     from pnfarm.station.station import Station
 
 __all__ = ["ProfibusDevice"]
+
+
+def _searches(telegram: Telegram, address: int) -> bool:
+    """Whether a master asks the slave at this address whether it is there."""
+    if telegram.destination != address or not telegram.is_request:
+        return False
+    return telegram.dsap == Sap.SLAVE_DIAGNOSIS or telegram.code == Request.FDL_STATUS
 
 
 class ProfibusDevice:
@@ -156,6 +167,8 @@ class ProfibusDevice:
             self.drop(exc.reason)
             return
         slave = self.slave
+        if slave.state is DpState.WAIT_PRM and type(telegram) is Telegram and _searches(telegram, slave.address):
+            self.station.visits.step(Caller(str(telegram.source)), "searched", now)
         answer = slave.receive(telegram, now)
         if answer is not None:
             self._answers.append(emit_telegram(answer, fixed=self.kind.fixed_length))
@@ -247,6 +260,7 @@ class ProfibusDevice:
             self._take(event, now)
 
     def _take(self, event: SlaveEvent, now: int) -> None:
+        visits = self.station.visits
         match event:
             case dp.BaudFound():
                 self._line_changed()
@@ -260,12 +274,20 @@ class ProfibusDevice:
                 self.number += 1
                 self._watchdog_ns = parameters.watchdog_ns()
                 wrong = self.kind.parametrised(parameters)
+                visits.opened(Caller(str(master)), self.number, 0, parameters.watchdog_ns(), now)
+                visits.take(StartUpPhase("parameters", self.number), now)
                 self.note(now, happened.ParametersTaken(master, parameters.watchdog_ns(), connection=self.number))
                 if wrong is not None:
+                    doubt = Refusal(f"Set_Prm taken though it is wrong: {wrong}", works=True)
+                    visits.refused(Caller(str(master)), [doubt], final=False)
                     self.note(now, happened.ParametersDoubted(master, wrong))
             case dp.ParametersRefused(master, why):
+                refusal = refused.of_parameters(event, self.slave.options.ident, self.kind)
+                visits.refused(Caller(str(master)), [refusal], attempt=True)
                 self.note(now, happened.ParametersRefused(master, why))
             case dp.ConfigurationRefused(master, identifiers):
+                refusal = refused.of_configuration(event, self.user.configuration(), self.kind)
+                visits.refused(Caller(str(master)), [refusal])
                 self.note(now, happened.ConfigurationRefused(master, identifiers))
             case dp.ExchangeBegan(master):
                 self._began(master, now)
@@ -273,7 +295,8 @@ class ProfibusDevice:
                 self._left(event, now)
             case dp.ClearChanged(clear):
                 self.note(now, ControllerModeChanged(run=not clear))
-            case dp.AddressSet(address, locks):
+            case dp.AddressSet(address, locks, master):
+                visits.step(Caller(str(master)), "addressed", now)
                 self._line_changed()
                 self._readdressed(address, now, locks=locks)
             case dp.AcyclicOpened(master, sap):
@@ -304,6 +327,8 @@ class ProfibusDevice:
             self.note(now, WatchdogExpired(silent, own, connection=self.number))
         self._ended(LOST_EXPIRED if event.why == WATCHDOG else LOST_CLOSED)
         if not event.exchanged:
+            # the log is told of data exchange only
+            self.station.visits.closed(self.number, event.why)
             return
         if event.why == UNLOCKED:
             self.note(now, happened.SlaveReleased(event.master, connection=self.number))

@@ -41,6 +41,7 @@ class DriveKind:
         self._model = station.axis.model
         self.product = Product.of(self._model)
         self.fixed_length = self.product.fixed_length
+        self.parameters_key: tuple[str, ...] = ("limits",)
         self.user: DriveUser
         self._parameter_words: StationParameterWords
 
@@ -145,6 +146,11 @@ class DriveKind:
         self._store.watchdog_ns = 0
         self._parameter_words.reset()
         self._handle.axis.step_ns = SLOWEST_STEP_NS
+
+    def difference(self, identifiers: bytes) -> tuple[int, str] | None:
+        """Its master chooses the telegram."""
+        del identifiers
+        return None
 
     def readdressed(self, address: int, now: int) -> None:
         """The parameter has the address from now on."""

@@ -52,6 +52,8 @@ class Kind(Protocol):
 
     #: Whether answers with eight octets of data go as SD3.
     fixed_length: bool
+    #: Where the farm file says what octets of Set_Prm are right.
+    parameters_key: tuple[str, ...]
 
     @property
     def user(self) -> StationUser:
@@ -108,6 +110,11 @@ class Kind(Protocol):
 
     def ended(self) -> None:
         """Data exchange is over, whatever ended it, or never began."""
+
+    def difference(self, identifiers: bytes) -> tuple[int, str] | None:
+        """The first slot where other identifiers differ from its own, and the farm file's name of the module that has
+        them; None where the farm file names no modules.
+        """
 
     def readdressed(self, address: int, now: int) -> None:
         """Set_Slave_Add: keep the address."""

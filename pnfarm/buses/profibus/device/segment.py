@@ -6,7 +6,18 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profibus.device.fast_path import FastPath
-from pnfarm.protocols.profibus.wire.telegram import BODY, BROADCAST, EXTENDED, body_of_data
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profibus.wire.telegram import (
+    BODY,
+    BROADCAST,
+    EXTENDED,
+    Sap,
+    Telegram,
+    body_of_data,
+    parse_telegram,
+)
+from pnfarm.station.absent import Absent
+from pnfarm.station.visits import Caller
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -30,6 +41,7 @@ class ProfibusSegment:
         self._devices = {device.port.index: device for device in devices}
         #: Ports that a telegram to an address concerns.
         self._by_address: dict[int | None, list[int]] = {}
+        self.absent = Absent()
         #: When a telegram came last.
         self.heard_ns = 0
         self._ports = [device.port.index for device in devices]
@@ -47,7 +59,7 @@ class ProfibusSegment:
         self.heard_ns = now
         return True
 
-    def audience(self, frame: bytes, besides: Collection[int] = ()) -> Sequence[int] | None:
+    def audience(self, frame: bytes, now: int, besides: Collection[int] = ()) -> Sequence[int] | None:
         del besides
         place = BODY.get(frame[0]) if frame else None
         destination = frame[place] & 0x7F if place is not None and len(frame) > place else None
@@ -63,7 +75,18 @@ class ProfibusSegment:
             # whose answer is due comes first
             found.sort(key=lambda port: self._devices[port].slave.address != destination)
             self._by_address[destination] = found
+        if not found and destination is not None:
+            self._look(frame, destination, now)
         return found
+
+    def _look(self, frame: bytes, destination: int, now: int) -> None:
+        """A master reads the diagnosis of a slave that is not there: it is in its configuration."""
+        try:
+            telegram = parse_telegram(frame)
+        except DecodeError:
+            return
+        if isinstance(telegram, Telegram) and telegram.is_request and telegram.dsap == Sap.SLAVE_DIAGNOSIS:
+            self.absent.note(str(destination), Caller(str(telegram.source)), now)
 
     def changed(self) -> None:
         """A slave has another address, or found or lost the baud rate."""

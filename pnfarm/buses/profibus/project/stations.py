@@ -12,7 +12,7 @@ from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation, drives_f
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
 from pnfarm.buses.profibus.decode.names import model_by_ident
 from pnfarm.buses.profibus.described.station import SUBSLOT
-from pnfarm.buses.profibus.found import LINE
+from pnfarm.buses.profibus.found import LINE, said_of
 from pnfarm.buses.profibus.gsd_file import read_gsd
 from pnfarm.buses.projects.parts import (
     devices,
@@ -57,27 +57,30 @@ def of_project(project: CaexProject, folders: DescriptionFolders, base: Path) ->
 
 def _station(device: CaexElement, project: ProjectView, folders: DescriptionFolders, base: Path) -> Found:
     head = head_of_file(device)
-    own = facts(device)
-    if head is None:
-        return FoundStation(device.name, tuple(own), LINE)
-    name = type_of(head).file
-    file = folders.named(name)
-    if file is None:
-        return FoundStation(device.name, (f"{name} is not at hand", *own), LINE, missing=name)
-    try:
-        gsd = read_gsd(file.octets(LONGEST), file.name)
-    except ConfigError as exc:
-        return FoundStation(device.name, (str(exc), *own), LINE, missing=name)
+    own = tuple(facts(device))
     keys: dict[str, Any] = {}
-    notes: list[str] = []
     address = next((one.attributes["NetworkAddress"] for one in nodes(device)), "")
     if address.isascii() and address.isdigit() and len(address) < 4 and int(address) <= HIGHEST_ADDRESS:
         keys["address"] = int(address)
+    said = said_of(device.name)
+    if head is None:
+        return FoundStation(device.name, own, LINE, keys=keys, said=said)
+    name = type_of(head).file
+    file = folders.named(name)
+    if file is None:
+        return FoundStation(device.name, (f"{name} is not at hand", *own), LINE, name, keys, said)
+    try:
+        gsd = read_gsd(file.octets(LONGEST), file.name)
+    except ConfigError as exc:
+        return FoundStation(device.name, (str(exc), *own), LINE, name, keys, said)
+    notes: list[str] = []
     if (known := model_by_ident(gsd.ident)) is not None:
         notes += [f"module {one.name} in slot {slot}" for slot, one in modules(device, head)]
-        return FoundDrive(device.name, known.name, keys, (*notes, *own), line=LINE)
+        said = said_of(device.name, gsd.ident)
+        return FoundDrive(device.name, known.name, keys, tuple(notes), own, LINE, said=said)
     keys["slots"] = _slots(device, head, gsd, notes)
     plugged = _plugged(gsd, keys["slots"], notes)
+    doubts = tuple(notes)
     if not keys["slots"]:
         del keys["slots"]
     if plugged is not None:
@@ -86,7 +89,9 @@ def _station(device: CaexElement, project: ProjectView, folders: DescriptionFold
         notes += remarks
         if signals:
             keys["signals"] = signals
-    return FoundDevice(device.name, file.for_farm("gsd", base, LONGEST), keys, (*notes, *own), LINE)
+    said = said_of(device.name, gsd.ident, None if plugged is None else plugged.identifiers)
+    written = file.for_farm("gsd", base, LONGEST)
+    return FoundDevice(device.name, written, keys, tuple(notes), own, LINE, said, doubts=doubts)
 
 
 def _slots(device: CaexElement, head: CaexElement, gsd: Gsd, notes: list[str]) -> dict[int, Any]:

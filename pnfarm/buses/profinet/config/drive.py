@@ -16,6 +16,8 @@ from pnfarm.protocols.profinet.cm.controller.plan import MAX_SLOT
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pnfarm.buses.profinet.maker_file import MakerFile
+
 __all__ = ["ProfinetAxis", "ProfinetDriveConfig", "ProfinetDrives"]
 
 _U16 = 0xFFFF
@@ -72,7 +74,7 @@ class ProfinetDrives(IpDrives):
         default="refuse",
         description="What becomes of the records with which a controller asks for isochronous operation "
         "(IsochronousModeData, PDIRData, PDSyncData): ignore takes and keeps them, and the drive runs in RT without "
-        "the clock.",
+        "the clock. A connection with RT class 3 (IRT) is refused either way.",
     )
     hello: bool = Field(
         default=False,
@@ -89,6 +91,7 @@ class ProfinetDriveConfig(IpDriveConfig):
 
     ``telegram`` is None where the file leaves it to the model, ``supplementary`` where there is none, ``cycle_ns``
     where the controller's counts.  ``ignores_clock``: a controller may ask for isochronous operation.
+    ``maker``: its maker's file, None without one.
     For a foreign device (a file without ``farm:``) ``mac`` means nothing: the controller finds it by name.
     """
 
@@ -97,6 +100,7 @@ class ProfinetDriveConfig(IpDriveConfig):
     ignores_clock: bool = False
     hello: bool = False
     cycle_ns: int | None = None
+    maker: MakerFile | None = None
 
     def of_axis(self) -> Mapping[str, Any]:
         return {"telegram": self.telegram, "supplementary": self.supplementary}

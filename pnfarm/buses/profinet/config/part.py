@@ -74,6 +74,7 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
             supplementary=group.supplementary,
             ignores_clock=group.isochronous == "ignore",
             hello=group.hello,
+            maker=group.described,
             cycle_ns=own_cycle_ns(group, controller, model),
         )
 

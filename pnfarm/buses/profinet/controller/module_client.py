@@ -69,6 +69,8 @@ def read_modules() -> Generator[RecordPlace, RecordClient, tuple[DeviceModule, .
         _take(modules, api, client.data or b"")
     if failure is not None and not modules:
         raise failure
+    for module in modules.values():
+        module.submodules.sort(key=lambda s: (s.subslot, s.api))
     return tuple(modules[slot] for slot in sorted(modules))
 
 
@@ -92,7 +94,6 @@ def _take(modules: dict[int, DeviceModule], api: int, data: bytes) -> None:
                 # an answer in the older form names no API
                 own = part.api or api
                 module.submodules += [DeviceSubmodule(subslot, ident, own) for subslot, ident in slot.submodules]
-                module.submodules.sort(key=lambda s: (s.subslot, s.api))
 
 
 def _blocks(data: bytes, name: str) -> tuple[object, ...]:

@@ -33,11 +33,12 @@ from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.globs import means
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from pnfarm.buses.profinet.config.controller import ForeignDevice, ProfinetController
     from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
     from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
+    from pnfarm.buses.profinet.maker_file import MakerFile
     from pnfarm.drives.description.model import Model
     from pnfarm.protocols.profinet.cm.controller.plan import Clock
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
@@ -106,6 +107,21 @@ def _records(section: ProfinetController, name: str, models: Sequence[str] = ())
     )
 
 
+def _together(of_maker: Iterable[ParameterRecord], own: Iterable[ParameterRecord]) -> tuple[ParameterRecord, ...]:
+    """A record of the farm file takes the place of the same one of the maker's file; others follow."""
+    return tuple({(r.api, r.slot, r.subslot, r.index): r for r in (*of_maker, *own)}.values())
+
+
+def _defaults(maker: MakerFile | None, submodules: Iterable[PlannedSubmodule]) -> list[ParameterRecord]:
+    """The records that a project with the maker's file has of a drive, in the order in which they are written."""
+    found = [
+        (record.transfer_sequence, ParameterRecord(one.api, one.slot, one.subslot, record.index, record.defaults()))
+        for one in submodules
+        for record in (() if maker is None else maker.records(one.module_ident, one.submodule_ident))
+    ]
+    return [record for _, record in sorted(found, key=lambda pair: pair[0])]
+
+
 def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Path, ip: IPv4Interface) -> DevicePlan:
     """A device by its GSDML file."""
     path = folder / device.gsdml
@@ -140,10 +156,7 @@ def _plan_described(
     ip: IPv4Interface,
     own_startup: Literal["legacy", "advanced"] | None = None,
 ) -> DevicePlan:
-    """A device by what its file says of it.  Raises :class:`ConfigError`.
-
-    A record of the farm file takes the place of the same one of the GSDML file; others follow.
-    """
+    """A device by what its file says of it.  Raises :class:`ConfigError`."""
     factor, ratio = _clock(section, planned, device.cycle_ns)
     clocks = {slot: _clock(section, planned, cycle_ns) for slot, cycle_ns in device.cycles.items()}
     if without := clocks.keys() - {one.slot for one in planned.submodules}:
@@ -152,7 +165,6 @@ def _plan_described(
     relations = planned.dap.relations
     inputs, outputs = divide(submodules, (factor, ratio), (relations.input_crs, relations.output_crs))
     startup = planned.startup(own_startup or (section.startup if "startup" in section.model_fields_set else None))
-    records = {(r.api, r.slot, r.subslot, r.index): r for r in (*planned.records, *_records(section, device.name))}
     return DevicePlan(
         name=device.name,
         model=planned.dap.info.name or planned.dap.id,
@@ -168,7 +180,7 @@ def _plan_described(
         output_crs=len(outputs),
         watchdog_factor=section.watchdog_factor,
         startup=startup,
-        records=tuple(records.values()),
+        records=_together(planned.records, _records(section, device.name)),
         reconnect_after_ns=reconnect_after_ns(section),
         read_identification=section.identification,
         takeover_allowed=section.takeover_allowed,
@@ -258,6 +270,12 @@ def plan_devices(
             for shift, axis in zip(shifts, drive.axes, strict=True)
         ]
         first, *further = _axis_keys(section, drive, model, places, known_steps)
+        submodules = _submodules(model, places)
+        channels, units = describe_diagnosis(model)
+        if drive.maker is not None:
+            # of two texts the last counts
+            channels += drive.maker.document.diagnoses
+            units += drive.maker.document.unit_diagnoses
         clock = clock_of(section, drive.cycle_ns)
         plans.append(
             DevicePlan(
@@ -268,13 +286,15 @@ def plan_devices(
                 assign_ip=section.assign_ip,
                 vendor_id=model.profidrive.identity.vendor_id,
                 device_id=model.profidrive.identity.device_id,
-                submodules=_submodules(model, places),
-                texts=DescribedDiagnosis(*describe_diagnosis(model)),
+                submodules=submodules,
+                texts=DescribedDiagnosis(channels, units),
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,
                 watchdog_factor=section.watchdog_factor,
                 startup=section.startup,
-                records=_records(section, drive.name, (model.name, *model.aliases)),
+                records=_together(
+                    _defaults(drive.maker, submodules), _records(section, drive.name, (model.name, *model.aliases))
+                ),
                 read_identification=section.identification,
                 takeover_allowed=section.takeover_allowed,
                 application_ready_ns=section.application_ready_ns,

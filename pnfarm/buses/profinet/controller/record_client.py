@@ -150,6 +150,11 @@ class RecordClient:
         else:
             self._dcp.identify([NameBlock(target)], now=now, window_ns=SEARCH_NS, expected=1)
 
+    def start_at(self, station: IdentifyAnswered, now: int) -> None:
+        """Like :meth:`start`, for a device that was found already."""
+        self._found(station, now)
+        self._settle(now)
+
     # frames and time
 
     def receive(self, data: bytes, now: int) -> None:

@@ -15,7 +15,7 @@ from pnfarm.buses.profinet.decode.shared import Call
 from pnfarm.captures.neutral import describe_udp, ip_packet
 from pnfarm.captures.packet import Description
 from pnfarm.captures.parameter_access import parameter_request, parameter_response
-from pnfarm.protocols.profinet.errors import describe_status
+from pnfarm.protocols.profinet.errors import ErrorDecode, describe_status
 from pnfarm.protocols.profinet.rpc.fragments import STUB_MAX, Reassembly
 from pnfarm.protocols.profinet.wire.any_block import read_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
@@ -126,9 +126,12 @@ def _pdu(pdu: RpcPdu, packet: Packet, called: IPv4Address, shared: Shared) -> It
     service = _SERVICES.get(Opnum(pdu.opnum), "") if pdu.opnum <= max(Opnum) else f"operation {pdu.opnum}"
     match pdu.kind:
         case PacketType.REQUEST:
-            if call is None:
+            begin = None if pdu.is_fragment and pdu.fragment_number else hash(pdu.body)
+            # a controller that was restarted may begin with the same numbers again
+            if call is None or (None not in {begin, call.begin} and begin != call.begin):
                 call = shared.calls[key] = Call(service, pdu.opnum, packet.source, packet.destination)
-            elif call.answered or ((call.blocks or call.write) and not pdu.is_fragment):
+            call.begin = call.begin if begin is None else begin
+            if call.answered or ((call.blocks or call.write) and not pdu.is_fragment):
                 yield Description(f"{service}.req", "again", {}, {"repeated": ""})
                 return
             stub = _whole(pdu, call, request=True)
@@ -138,10 +141,14 @@ def _pdu(pdu: RpcPdu, packet: Packet, called: IPv4Address, shared: Shared) -> It
             if call is None:
                 yield Description(f"{service}.res", "its request is not in the capture")
                 return
+            if call.answered:
+                yield Description(f"{service}.res", "again", {}, {"repeated": ""})
+                return
             stub = _whole(pdu, call, request=False)
             if stub is not None:
                 call.answered = True
                 yield from _response(stub, pdu, call, shared)
+                call.blocks, call.write = (), None
         case PacketType.FAULT | PacketType.REJECT:
             status = status_name(parse_status(pdu.body, little_endian=pdu.little_endian))
             name = PacketType(pdu.kind).name.lower()
@@ -157,10 +164,13 @@ def _whole(pdu: RpcPdu, call: Call, *, request: bool) -> bytes | None:
     if not pdu.is_fragment:
         return pdu.body
     parts = call.parts.setdefault(request, Reassembly(STUB_MAX))
-    if parts.complete:
+    if parts is None:
         return None
     parts.add(pdu.fragment_number, pdu.body, last=pdu.is_last)
-    return parts.stub() if parts.complete else None
+    if not parts.complete:
+        return None
+    call.parts[request] = None
+    return parts.stub()
 
 
 # -- requests
@@ -256,7 +266,9 @@ def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[
             forget_asked(call.blocks, call.client, call.server, shared)
             if shared.observed is not None:
                 shared.observed.answered(call.client, call.server, None)
-        if call.write is not None and shared.observed is not None:
+        # another error is of the call, such as that of a connection which is gone
+        of_record = args.status.error_decode == ErrorDecode.PNIORW
+        if call.write is not None and of_record and shared.observed is not None:
             shared.observed.refused(call.client, call.server, (one.header for one in call.write.writes))
         yield _refused(what, args.status, call)
         return

@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from pnfarm.captures.stations import Bounded
 from pnfarm.errors import DecodeError
@@ -35,8 +35,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Observed", "RecordPlace", "SeenConnection", "SeenStation"]
 
-#: Start-up records that are kept of a connection, their octets, ports of a station.
-MOST_RECORDS, MOST_OCTETS, MOST_PORTS = 4096, 1 << 20, 64
+#: Start-up records that are kept of a connection, their octets, ports of a station, its names and its addresses.
+MOST_RECORDS, MOST_OCTETS, MOST_PORTS, MOST_CHANGES = 4096, 1 << 20, 64, 16
+_Value = TypeVar("_Value")
 #: API, slot, subslot, index.
 RecordPlace = tuple[int, int, int, int]
 
@@ -53,6 +54,9 @@ class SeenStation:
     vendor: int | None = None
     device: int | None = None
     station_type: str = ""
+    #: Names and addresses that it had one after the other, as far as it had any; the last ones count.
+    names: list[str] = field(default_factory=list)
+    addresses: list[IPv4Address] = field(default_factory=list)
     #: Its address as its controllers use it.
     called: IPv4Address | None = None
     #: Its ports, as it announces them by LLDP.
@@ -122,6 +126,13 @@ class SeenConnection:
         return max(iocr.watchdog_factor for iocr in self.iocrs)
 
 
+def _last(value: _Value, known: list[_Value]) -> _Value:
+    """The value, noted unless it is the last one already."""
+    if known[-1:] != [value] and len(known) < MOST_CHANGES:
+        known.append(value)
+    return value
+
+
 def _cycle_ns(iocr: IocrBlockReq) -> int:
     return SEND_CLOCK_NS * iocr.send_clock_factor * iocr.reduction_ratio
 
@@ -153,10 +164,12 @@ class Observed:
         seen = self.station(mac)
         for fact in facts:
             match fact:
-                case blocks.NameBlock(name):
-                    seen.name = name
-                case blocks.IpParameterBlock(address, mask, gateway) | blocks.FullIpSuiteBlock(address, mask, gateway):
-                    seen.ip, seen.mask, seen.gateway = address, mask, gateway
+                case blocks.NameBlock(name) if name:
+                    seen.name = _last(name, seen.names)
+                case blocks.IpParameterBlock(address, mask, gateway) | blocks.FullIpSuiteBlock(
+                    address, mask, gateway
+                ) if int(address):
+                    seen.ip, seen.mask, seen.gateway = _last(address, seen.addresses), mask, gateway
                 case blocks.DeviceIdBlock(vendor, device):
                     seen.vendor, seen.device = vendor, device
                 case blocks.StationTypeBlock(station_type):
@@ -204,7 +217,8 @@ class Observed:
         for block in answer or ():
             if isinstance(block, ArServerBlock):
                 seen = self.station(device)
-                seen.name = seen.name or block.station_name.decode("latin-1")
+                if name := block.station_name.decode("latin-1"):
+                    seen.name = _last(name, seen.names)
 
     def wrote(self, controller: bytes, device: bytes, write: WriteRequest) -> None:
         """Records that the controller wrote."""

@@ -23,7 +23,11 @@ __all__ = ["Call", "Shared"]
 
 @dataclass(slots=True)
 class Call:
-    """A request with what is needed to decode its response.  ``client`` and ``server`` are addresses."""
+    """A request with what is needed to decode its response.  ``client`` and ``server`` are addresses.
+
+    ``begin`` is the hash of its first body; ``parts`` are fragments of the request and of the response, None once
+    they are whole.
+    """
 
     service: str
     opnum: int
@@ -32,7 +36,13 @@ class Call:
     answered: bool = False
     blocks: tuple[Block, ...] = ()
     write: WriteRequest | None = None
-    parts: dict[bool, Reassembly] = field(default_factory=dict)
+    begin: int | None = None
+    parts: dict[bool, Reassembly | None] = field(default_factory=dict)
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether fragments of the request are missing."""
+        return self.parts.get(True) is not None
 
 
 class Shared(SharedState[tuple[bytes, bytes, int], Channel, Template, Observed]):

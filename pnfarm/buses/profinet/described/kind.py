@@ -8,7 +8,6 @@ from pnfarm.buses.profinet.described.description import with_serial_number
 from pnfarm.buses.profinet.described.records import DescribedRecords
 from pnfarm.buses.profinet.frame_layout import frame_layout
 from pnfarm.errors import InternalError
-from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
 from pnfarm.signals.station_signals import StationSignals
 from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription
+    from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
     from pnfarm.station.station import Station
 
 __all__ = ["DescribedKind", "DescribedSettings"]
@@ -67,13 +67,16 @@ class DescribedKind:
 
     def describe(self, mac: bytes) -> DeviceDescription:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
-        self.records = DescribedRecords(self.described, self._station.note, strict=self._strict)
-        return with_serial_number(self.described.devices[self._strict], mac)
+        described = self.described
+        self.records = DescribedRecords(
+            described.record, self._station.note, strict=self._strict, own=described.parameters
+        )
+        return with_serial_number(described.devices[self._strict], mac)
 
     @property
     def diagnoses(self) -> DiagnosisCatalogue:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
-        return DiagnosisCatalogue(self.described.plugged.gsdml)
+        return self.described.diagnoses
 
     def join(self, dcp: DcpDevice, mac: bytes, cm: CmDevice) -> None:
         """Nothing here acts on the machines."""
@@ -121,6 +124,22 @@ class DescribedKind:
         """None."""
         del module
         return None
+
+    def key_of(self, slot: int, subslot: int | None = None) -> tuple[str | int, ...]:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        if not slot:
+            return ("access_point",)
+        return ("slots", str(slot), *(() if subslot is None else ("submodules", str(subslot))))
+
+    def module_name(self, ident: int) -> str:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        gsdml = self.described.plugged.gsdml
+        idents = [*((one.ident, one.id) for one in gsdml.modules), *((one.ident, one.id) for one in gsdml.daps)]
+        return next((name for known, name in idents if known == ident), "")
+
+    def record_complaint(self, slot: int, subslot: int, index: int) -> str:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        return self.records.complaints.get((slot, subslot, index), "")
 
     # -- events ------------------------------------------------------------------------------------------------------
 

@@ -1,20 +1,24 @@
-"""The parameter records of a described device: defaults, what a controller wrote, and what the file does not allow."""
+"""The parameter records of a maker's file: defaults, what a controller wrote, and what the file does not allow."""
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.described.events import RecordDoubted, RecordRefused
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
-    from pnfarm.buses.profinet.described.station import DescribedStation
     from pnfarm.protocols.profinet.cm.ar import Ar
+    from pnfarm.protocols.profinet.gsdml.records import ParameterRecord
     from pnfarm.station.event import Event
 
 __all__ = ["DescribedRecords"]
+
+#: Records whose complaints are kept until the next one.
+MOST_COMPLAINTS = 64
 
 
 class DescribedRecords:
@@ -24,15 +28,27 @@ class DescribedRecords:
     parameters, and controllers write them in each start-up).  One of a wrong length is refused with "write length
     error", one with a value that its file does not allow with "invalid parameter", another index with "invalid index"
     (assumed: the codes that the standard has for these); without ``strict`` all are kept, with a warning in the log.
+
+    ``find`` gives the file's record of (slot, subslot, index), ``own`` has those that the farm file changes.
     """
 
-    def __init__(self, station: DescribedStation, note: Callable[[int, Event], None], *, strict: bool) -> None:
+    def __init__(
+        self,
+        find: Callable[[int, int, int], ParameterRecord | None],
+        note: Callable[[int, Event], None],
+        *,
+        strict: bool,
+        own: Mapping[tuple[int, int, int], bytes] = MappingProxyType({}),
+    ) -> None:
         self.error: RecordError | None = None
         self.withhold: Callable[[int], bool] | None = None
-        self._station = station
+        self._find = find
+        self._own = own
         self._note = note
         self._strict = strict
         self._written: dict[tuple[int, int, int], bytes] = {}
+        #: What is wrong with records that were written lately, by place.
+        self.complaints: dict[tuple[int, int, int], str] = {}
 
     def reset(self, key: int) -> None:
         """Nothing of a connection is pending here."""
@@ -57,10 +73,12 @@ class DescribedRecords:
             return self.error
         if self.withhold is not None and self.withhold(now):
             return RecordError(AccessError.STATE_CONFLICT)
-        found = self._written.get((slot, subslot, index))
-        if found is None:
-            found = self._station.parameter(slot, subslot, index)
-        return RecordError(AccessError.INVALID_INDEX) if found is None else found
+        place = slot, subslot, index
+        found = self._written.get(place)
+        if found is not None:
+            return found
+        record = self._find(*place)
+        return RecordError(AccessError.INVALID_INDEX) if record is None else self._own.get(place, record.defaults())
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         """Keep a record, unless it is wrong and the limits are strict."""
@@ -68,8 +86,12 @@ class DescribedRecords:
         if self.error is not None:
             return self.error
         wrong = self._wrong(slot, subslot, index, data)
+        self.complaints.pop((slot, subslot, index), None)
         if wrong is not None:
             code, reason = wrong
+            if len(self.complaints) >= MOST_COMPLAINTS:
+                self.complaints.clear()
+            self.complaints[slot, subslot, index] = reason
             self._note(now, (RecordRefused if self._strict else RecordDoubted)(slot, subslot, index, reason))
             if self._strict:
                 return RecordError(code)
@@ -77,8 +99,7 @@ class DescribedRecords:
         return None
 
     def _wrong(self, slot: int, subslot: int, index: int, data: bytes) -> tuple[int, str] | None:
-        submodule = self._station.plugged.submodule(slot, subslot)
-        record = None if submodule is None else submodule.record(index)
+        record = self._find(slot, subslot, index)
         if record is None:
             return AccessError.INVALID_INDEX, f"the file names no record {index} there"
         complaint = record.complaint(data)

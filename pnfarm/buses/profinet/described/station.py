@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.plain_layout import PlainLayout, plain_layout, signal_places
 from pnfarm.buses.profinet.described.description import describe_plugged
 from pnfarm.buses.profinet.described.summary import station_description
+from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.protocols.profinet.description import DeviceDescription
+    from pnfarm.protocols.profinet.gsdml.records import ParameterRecord
     from pnfarm.protocols.profinet.gsdml.station import PluggedStation
     from pnfarm.signals.signal import Direction, Signal
     from pnfarm.station.description import StationDescription
@@ -63,14 +65,15 @@ class DescribedStation:
         """The first octet of each submodule's data, in the order of their statuses."""
         return signal_places(self.inputs, self.outputs)
 
-    def parameter(self, slot: int, subslot: int, index: int) -> bytes | None:
-        """A parameter record before a controller wrote it; None where the submodule has none of this index."""
+    @cached_property
+    def diagnoses(self) -> DiagnosisCatalogue:
+        """Those that its file names."""
+        return DiagnosisCatalogue(self.plugged.gsdml)
+
+    def record(self, slot: int, subslot: int, index: int) -> ParameterRecord | None:
+        """A parameter record; None where the submodule has none of this index."""
         submodule = self.plugged.submodule(slot, subslot)
-        record = None if submodule is None else submodule.record(index)
-        if record is None:
-            return None
-        own = self.parameters.get((slot, subslot, index))
-        return record.defaults() if own is None else own
+        return None if submodule is None else submodule.record(index)
 
     def sentences(self) -> list[str]:
         """What was taken from the file, for people: the access point and its modules, octets, signals, PROFIsafe."""

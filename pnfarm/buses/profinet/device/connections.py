@@ -13,6 +13,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.device import events as happened
+from pnfarm.buses.profinet.device import refused
 from pnfarm.buses.profinet.device.memory.record_memory import record_word
 from pnfarm.protocols.profinet.cm.device.events import (
     AlarmConfirmed,
@@ -24,20 +25,24 @@ from pnfarm.protocols.profinet.cm.device.events import (
     ConnectRefused,
     DiagnosisChanged,
     PrmEndReceived,
+    RecordRefused,
     RecordWritten,
     SubmodulesChanged,
 )
 from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
 from pnfarm.station.events import StartUpPhase, WatchdogExpired
 from pnfarm.station.lateness import Lateness, budget_ns
+from pnfarm.station.visits import Caller
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from uuid import UUID
 
     from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.device.parts import DeviceParts
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.protocols.profinet.cm.device.events import CmEvent
+    from pnfarm.station.visits import Visits
 
 __all__ = ["StationConnections"]
 
@@ -66,6 +71,8 @@ class StationConnections:
         self._sought_ns: int | None = None
         self._told_ns = 0
         self._sought_by_name = False
+        #: The object that the last Connect was addressed to.
+        self.asked_for: UUID | None = None
         #: For injections on the connection: how to hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
         #: Called with (event, now) for each event of context management, after the station has handled it.
@@ -95,7 +102,9 @@ class StationConnections:
         match event:
             case ArConnected():
                 self._connected(event, now)
-            case ConnectRefused(ip, status, detail):
+            case ConnectRefused(ip, status, detail, name, mac):
+                caller = Caller(str(ip), mac, name)
+                self._visits.refused(caller, [refused.of_connect(status, detail)], attempt=True)
                 self._station.note(now, happened.ConnectRefused(ip, status, detail))
             case PrmEndReceived(key, sequence):
                 self._station.note(now, StartUpPhase("parameters", key))
@@ -131,7 +140,10 @@ class StationConnections:
                 self._station.note(now, happened.ArReleased(connection=key))
             case DiagnosisChanged(change):
                 self._diagnosis_changed(change, now)
+            case RecordRefused():
+                self._record_refused(event)
             case RecordWritten(_, api, slot, subslot, index, data):
+                self._record_refused(event)
                 self._station.note(now, happened.RecordWritten(len(data), api, slot, subslot, index))
                 if index in self._station.description.ignored_records:
                     self._station.note(now, happened.IsochronousIgnored(slot, subslot, index))
@@ -155,18 +167,46 @@ class StationConnections:
         kind.opened(min(ar.cycle_ns for ar in self._station.ars.values() if ar.providers))
         telegram = kind.telegram()
         peer = event.initiator_name, event.initiator_ip
+        caller = Caller(str(event.initiator_ip), event.initiator_mac, event.initiator_name)
+        self._visits.opened(caller, event.ar_key, ar.cycle_ns, ar.watchdog_ns, now)
+        self._compare(caller, event)
         self.begins(now)
         self._station.note(
             now, happened.ArConnected(*peer, telegram, ar.cycle_ns, ar.watchdog_ns, connection=event.ar_key)
         )
+
+    def _compare(self, caller: Caller, event: ArConnected) -> None:
+        """What the controller expects, and what is there."""
+        ar = self._station.cm.ar(event.ar_key)
+        found = [] if ar is None else refused.of_modules(ar, self._station.description, self._station.kind)
+        if (asked := self.asked_for) is not None:
+            other = refused.of_device(asked, self._station.description)
+            found += [] if other is None else [other]
+        if found:
+            self._visits.refused(caller, found, final=False)
+
+    def _record_refused(self, event: RecordRefused | RecordWritten) -> None:
+        """Records of the start-up are compared, not those of a running program."""
+        visit = self._visits.of_connection(event.ar_key)
+        if visit is None or "data" in visit.steps:
+            return
+        if (found := refused.of_record(event, self._station.kind)) is not None:
+            self._visits.refused(visit.caller, [found], final=False)
+
+    @property
+    def _visits(self) -> Visits:
+        return self._station.station.visits
 
     def _diagnosis_changed(self, change: DiagnosisEvent, now: int) -> None:
         """Log a diagnosis as text; a fault also sets the problem indicator in the DataStatus of the frames."""
         entry = change.entry
         for key in self._station.ars:
             self._report_problem(key)
+        catalogue = self._station.kind.diagnoses
+        words = entry.in_words(None if catalogue is None else catalogue.own_texts)
         appears = isinstance(change, DiagnosisAppeared)
-        self._station.note(now, happened.DiagnosisAppeared(entry) if appears else happened.DiagnosisDisappeared(entry))
+        kind = happened.DiagnosisAppeared if appears else happened.DiagnosisDisappeared
+        self._station.note(now, kind(entry, words))
 
     def _report_problem(self, key: int) -> None:
         """DataStatus: whether one of the AR's submodules has a fault."""

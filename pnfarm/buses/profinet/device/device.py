@@ -48,6 +48,7 @@ from pnfarm.protocols.profinet.wire.rpc.epm import annotation
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, object_uuid
 from pnfarm.protocols.profinet.wire.snmp.message import SNMP_PORT
 from pnfarm.station.events import ControllerModeChanged, OutputsChanged
+from pnfarm.station.visits import Caller
 from pnfarm.table import engine_row
 from pnfarm.table.channel import W_START
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, parse_ethernet
@@ -334,7 +335,10 @@ class ProfinetDevice:
             identified, sought = self.dcp.identified, self.dcp.sought
             self.dcp.receive(frame, now)
             if self.dcp.identified != identified:
-                self.connections.sought(now, by_name=self.dcp.sought != sought)
+                by_name = self.dcp.sought != sought
+                if by_name:
+                    self.station.visits.step(Caller(mac=frame.source), "searched", now)
+                self.connections.sought(now, by_name=by_name)
         elif frame.destination != self.port.mac:
             self._drop("other-destination")
         else:

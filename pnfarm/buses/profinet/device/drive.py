@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from pnfarm.buses.profinet.axis_slots import axis_shifts, model_slots
-from pnfarm.buses.profinet.binding import AxisPlace, DriveRecords, describe_device
+from pnfarm.buses.profinet.axis_slots import model_slots
+from pnfarm.buses.profinet.binding import DriveRecords, axis_places, describe_device
+from pnfarm.buses.profinet.described.records import DescribedRecords
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
@@ -19,40 +20,36 @@ from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_RAISE_FAULT, CONTROL_BY
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pnfarm.buses.profinet.binding import AxisSettings
     from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
+    from pnfarm.buses.profinet.maker_file import MakerFile
     from pnfarm.drives.telegrams.telegram import Telegram
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription
+    from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
+    from pnfarm.protocols.profinet.gsdml.records import ParameterRecord
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
 __all__ = ["DriveKind"]
 
 
-class AxisSettings(Protocol):
-    """One axis in the farm file; None: the model's telegram, no supplementary one, the slot behind the axis before."""
-
-    @property
-    def telegram(self) -> int | None: ...
-    @property
-    def slot(self) -> int | None: ...
-    @property
-    def supplementary(self) -> int | None: ...
-
-
 class DriveSettings(Protocol):
     """The drive in the farm file.
 
-    ``strict``: it keeps to its model's limits; ``ignores_clock``: a controller may ask for isochronous operation.
+    ``strict``: it keeps to its model's limits; ``ignores_clock``: a controller may ask for isochronous operation;
+    ``maker``: its maker's file, None without one.
     """
 
     @property
     def strict(self) -> bool: ...
     @property
     def ignores_clock(self) -> bool: ...
+    @property
+    def maker(self) -> MakerFile | None: ...
     @property
     def axes(self) -> Sequence[AxisSettings]: ...
 
@@ -108,26 +105,35 @@ class DriveKind:
     def describe(self, mac: bytes) -> DeviceDescription:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         strict = self._settings.strict
-        shifts = axis_shifts(self.model, [axis.slot for axis in self._settings.axes])
-        axes = [
-            AxisPlace(shift, axis.telegram, axis.supplementary)
-            for shift, axis in zip(shifts, self._settings.axes, strict=True)
-        ]
+        axes = axis_places(self.model, self._settings.axes)
         description = describe_device(self.model, mac, strict=strict, axes=axes)
         if self._settings.ignores_clock:
             description = replace(description, ignored_records=ISOCHRONOUS)
+        maker, further = self._settings.maker, None
+        if maker is not None:
+            description = replace(description, own_records=maker.indexes)
+            further = DescribedRecords(self._record, self._station.note, strict=strict)
         own = model_slots(self.model)
         # the words of a drive with one axis are those of all its submodules
         several = len(self._station.axes) > 1
         self._parts = tuple(
-            _AxisPart(axis, frozenset(slot + shift for slot in own), shift)
-            for axis, shift in zip(self._station.axes, shifts, strict=True)
+            _AxisPart(axis, frozenset(slot + place.shift for slot in own), place.shift)
+            for axis, place in zip(self._station.axes, axes, strict=True)
         )
         point = next(s for m in description.modules for s in m.submodules)
         slots = {part.first_slot if several else point.slot: part.axis.number for part in self._parts}
         stores = [axis.store for axis in self._station.axes]
-        self.records = DriveRecords(stores, slots, point.api, strict=strict, latency=self._station.latency)
+        latency = self._station.latency
+        self.records = DriveRecords(stores, slots, point.api, strict=strict, latency=latency, further=further)
         return description
+
+    def _record(self, slot: int, subslot: int, index: int) -> ParameterRecord | None:
+        """That of the submodule which is plugged there, by the maker's file."""
+        one, maker = self._cm.plugged.get((slot, subslot)), self._settings.maker
+        if one is None or maker is None:
+            return None
+        found = maker.records(one.module_ident, one.submodule_ident)
+        return next((record for record in found if record.index == index), None)
 
     def join(self, dcp: DcpDevice, mac: bytes, cm: CmDevice) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
@@ -148,7 +154,11 @@ class DriveKind:
     # -- cyclic data -------------------------------------------------------------------------------------------------
 
     plain_row = 0
-    diagnoses = None
+
+    @property
+    def diagnoses(self) -> DiagnosisCatalogue | None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        return None if self._settings.maker is None else self._settings.maker.catalogue
 
     def follow_modules(self) -> None:
         """The plugged modules determine the telegrams of the frames; a supplementary one counts if it is expected."""
@@ -243,6 +253,24 @@ class DriveKind:
         found = self._telegram_in(module)
         return None if found is None else found.number
 
+    def key_of(self, slot: int, subslot: int | None = None) -> tuple[str | int, ...]:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`; a telegram has several submodules."""
+        del subslot
+        if not slot:
+            return ("access_point",)
+        part = next((part for part in self._parts if slot in part.slots), None)
+        return ("axes", part.axis.number, "telegram") if part and len(self._parts) > 1 else ("telegram",)
+
+    def module_name(self, ident: int) -> str:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        found = next((number for number, (module, _) in self.telegrams.items() if module == ident), None)
+        return "" if found is None else f"telegram {found}"
+
+    def record_complaint(self, slot: int, subslot: int, index: int) -> str:
+        """The status of the answer says it."""
+        del slot, subslot, index
+        return ""
+
     # -- events ------------------------------------------------------------------------------------------------------
 
     def fault_raised(self, axis: int, number: int) -> None:
@@ -287,3 +315,5 @@ class DriveKind:
         for axis in self._station.axes:
             axis.store.restore(None)
             axis.store.power_on()
+        if self.records.further is not None:
+            self.records.further.forget()

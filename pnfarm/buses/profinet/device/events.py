@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.wire.alarms.notification import alarm_type_text
-from pnfarm.protocols.profinet.wire.records.diagnosis_texts import describe_error_type
 from pnfarm.station.event import Event, Level, event, shown, unshown
 from pnfarm.station.events import (
     ConnectionEstablished,
@@ -65,9 +64,6 @@ def _of_entry(entry: DiagnosisEntry) -> dict[str, Any]:
         "slot": entry.slot,
         "subslot": entry.subslot,
         "channel": entry.channel,
-        "diagnosis": describe_error_type(entry.error_type, entry.ext_error_type, entry.api)
-        if entry.channel_coded
-        else f"USI 0x{entry.usi:04X} {entry.data.hex(' ', 2).upper()}".rstrip(),
     }
 
 
@@ -197,9 +193,10 @@ class ModulePlugged(Event):
 
 @event()
 class DiagnosisEvent(Event):
-    """Base of events about a submodule's diagnosis."""
+    """Base of events about a submodule's diagnosis; ``diagnosis`` is what it says."""
 
     entry: DiagnosisEntry = shown(_of_entry)
+    diagnosis: str
 
 
 @event("diagnosis appears", "warning")

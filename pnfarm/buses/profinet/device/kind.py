@@ -111,6 +111,17 @@ class Kind(Protocol):
     def telegram_of(self, module: ModuleDescription) -> int | None:
         """The telegram that a module stands for."""
 
+    # -- what a controller expects: for who compares it with the farm file
+
+    def key_of(self, slot: int, subslot: int | None = None) -> tuple[str | int, ...]:
+        """The path in the station's group of the farm file that says what is in a slot, or in a subslot of it."""
+
+    def module_name(self, ident: int) -> str:
+        """What the farm file calls a module with this ident; empty for one that the station cannot have."""
+
+    def record_complaint(self, slot: int, subslot: int, index: int) -> str:
+        """What is wrong with a record that was written lately, in words; empty where nothing is, or none are known."""
+
     # -- events of an axis
 
     def fault_raised(self, axis: int, number: int) -> None:

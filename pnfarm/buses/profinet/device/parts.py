@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.records.store import DeviceRecords
     from pnfarm.protocols.profinet.snmp.view import SystemText
     from pnfarm.station.event import Event
+    from pnfarm.station.station import Station
 
 __all__ = ["DeviceParts"]
 
@@ -29,6 +30,7 @@ __all__ = ["DeviceParts"]
 class DeviceParts(Protocol):
     """See the module's docstring; the machines are recreated at each power-on."""
 
+    station: Station
     kind: Kind
     description: DeviceDescription
     dcp: DcpDevice

@@ -22,6 +22,7 @@ from pnfarm.protocols.profinet.rpc.events import CallFailed, CallKey, CallReceiv
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum
 from pnfarm.protocols.profinet.wire.snmp.message import SNMP_PORT
+from pnfarm.station.visits import Caller
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.rpc.client import RpcClient
     from pnfarm.protocols.profinet.rpc.server import RpcServer
     from pnfarm.protocols.profinet.snmp.agent import SnmpAgent
-    from pnfarm.station.station import Station
+    from pnfarm.station.visits import Step
 
 __all__ = ["CALL_PORT", "DevicePump"]
 
@@ -46,7 +47,6 @@ ARGS_MAXIMUM = 16_384
 class PumpedDevice(DeviceParts, Protocol):
     """The machines between which events are carried, and the drive."""
 
-    station: Station
     budget: ConnectBudget
     connections: StationConnections
     ip: IpHost
@@ -111,6 +111,9 @@ class DevicePump:
             if isinstance(event, IpSet):
                 device.connections.begins(now)
             device.addressing.take_dcp(event, now)
+            if isinstance(event, NameSet | IpSet):
+                step: Step = "named" if isinstance(event, NameSet) else "addressed"
+                device.station.visits.step(Caller(mac=device.dcp.client), step, now)
             match event:
                 case NameSet(name):
                     device.cm.station_name = name
@@ -171,8 +174,10 @@ class DevicePump:
         requests = device.rpc.events()
         for request in requests:
             if isinstance(request, CallReceived):
-                if request.opnum == Opnum.CONNECT and request.source_mac is not None:
-                    device.budget.note(request.source_mac, now)
+                if request.opnum == Opnum.CONNECT:
+                    device.connections.asked_for = request.object_uuid
+                    if request.source_mac is not None:
+                        device.budget.note(request.source_mac, now)
                 device.cm.receive_call(
                     request.call,
                     request.opnum,

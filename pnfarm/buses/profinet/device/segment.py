@@ -18,6 +18,8 @@ from pnfarm.protocols.profinet.dcp.device import identify_matches
 from pnfarm.protocols.profinet.wire.dcp.blocks import AliasBlock, AllSelectorBlock, DeviceInstanceBlock, NameBlock
 from pnfarm.protocols.profinet.wire.dcp.pdu import DcpPdu, parse_dcp
 from pnfarm.protocols.profinet.wire.lldp.pdu import parse_lldp
+from pnfarm.station.absent import Absent
+from pnfarm.station.visits import Caller
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP
 
 if TYPE_CHECKING:
@@ -58,6 +60,7 @@ class ProfinetSegment:
 
     def __init__(self, stations: Sequence[ProfinetDevice]) -> None:
         self._by_port = {station.port.index: station for station in stations}
+        self.absent = Absent()
         #: The last Identify, its PDU, and the name if that is its only filter.
         self._identify: tuple[bytes, DcpPdu | None, str | None] = (b"", None, None)
         #: The last LLDP frame and its PDU, or its decode error.
@@ -79,11 +82,11 @@ class ProfinetSegment:
             if frame is not self._lldp[0] and frame != self._lldp[0]:
                 self._lldp = (frame, _read_lldp(frame))
             return station.hear_neighbour(frame, self._lldp[1], now)
-        if frame and frame[0] & 1 and not self._concerns(station, frame):
+        if frame and frame[0] & 1 and not self._concerns(station, frame, now):
             return False
         return station.budget.passes(frame, now) or station.passed_over("connect-flood")
 
-    def _concerns(self, station: ProfinetDevice, frame: bytes) -> bool:
+    def _concerns(self, station: ProfinetDevice, frame: bytes, now: int) -> bool:
         """Whether a group-addressed frame can concern this station."""
         if frame[12:14] == ARP:
             own = station.own_ip
@@ -94,6 +97,7 @@ class ProfinetSegment:
             return station.passed_over("hello")
         if frame[12:16] == DCP_IDENTIFY:
             pdu, name = self._identify_of(frame), self._identify[2]
+            self._look(frame, now)
             if pdu is not None and (
                 station.dcp.name != name if name is not None else not identify_matches(pdu, station.dcp)
             ):
@@ -106,7 +110,7 @@ class ProfinetSegment:
             self._identify = (frame, *_read_identify(frame))
         return self._identify[1]
 
-    def audience(self, frame: bytes, besides: Collection[int] = ()) -> list[int] | None:
+    def audience(self, frame: bytes, now: int, besides: Collection[int] = ()) -> list[int] | None:
         """See :class:`pnfarm.buses.bus.Segment`."""
         found: list[int] = []
         if frame[12:16] == DCP_HELLO:
@@ -118,6 +122,7 @@ class ProfinetSegment:
             pdu = self._identify_of(frame)
             if pdu is None or (pdu.blocks and all(isinstance(block, AllSelectorBlock) for block in pdu.blocks)):
                 return None
+            self._look(frame, now)
             reason, found = "identify-for-another", self._identified(pdu)
         else:
             return None
@@ -125,6 +130,12 @@ class ProfinetSegment:
         for port in {*found, *besides}:
             self._heard.setdefault(port, Counter())[reason] += 1
         return found
+
+    def _look(self, frame: bytes, now: int) -> None:
+        """A controller searches a name of station that no device has."""
+        name = self._identify[2]
+        if name and name not in self._index:
+            self.absent.note(name, Caller(mac=frame[6:12]), now)
 
     def _identified(self, pdu: DcpPdu) -> list[int]:
         """Ports of the stations that an Identify request asks for."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.imports import FoundDevice
 from pnfarm.buses.profinet.project.files import is_of_version, plain_number
 from pnfarm.buses.profinet.project.parts import address_keys, name_of
+from pnfarm.buses.profinet.said import said_of
 from pnfarm.buses.projects.parts import facts, modules, octets_of, place_of, ranges, type_of
 from pnfarm.buses.projects.tags import DataPlace, signals_of
 from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
@@ -14,6 +15,7 @@ from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from pnfarm.buses.imports import Said
     from pnfarm.buses.projects.caex import CaexElement
     from pnfarm.buses.projects.description_folders import DescriptionFile
     from pnfarm.buses.projects.tags import IoRange, Tag
@@ -36,6 +38,7 @@ def project_device(
         slots.take(slot, module)
     slots.empty_others()
     plugged = slots.plugged()
+    doubts = tuple(notes)
     keys: dict[str, Any] = address_keys(device)
     if len(document.daps) > 1:
         keys["access_point"] = dap.id
@@ -46,7 +49,24 @@ def project_device(
         notes += remarks
         if signals:
             keys["signals"] = signals
-    return FoundDevice(name_of(device), file, keys, (*notes, *facts(device)))
+    said = _said(device, plugged)
+    return FoundDevice(name_of(device), file, keys, tuple(notes), tuple(facts(device)), said=said, doubts=doubts)
+
+
+def _said(device: CaexElement, plugged: PluggedStation | None) -> Said:
+    if plugged is None:
+        return said_of(name_of(device))
+    return said_of(
+        name_of(device),
+        (plugged.vendor_id, plugged.device_id),
+        access_point=plugged.dap.ident,
+        slots=(
+            (one.slot, one.ident, (sum(sub.input_octets for sub in subs), sum(sub.output_octets for sub in subs)))
+            for one in plugged.modules[1:]
+            for subs in [one.submodules]
+        ),
+        order_number=plugged.order_number,
+    )
 
 
 class _Slots:

@@ -9,13 +9,15 @@ from pnfarm.buses.imports import FoundDrive
 from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.maker_identity import identity_of
 from pnfarm.buses.profinet.project.parts import address_keys, name_of
+from pnfarm.buses.profinet.said import said_of
 from pnfarm.buses.projects.parts import facts, modules, type_of
 from pnfarm.buses.telegram_names import numbers_in
 from pnfarm.drives.catalogue import model, models, models_on
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Iterator, Mapping
+    from collections.abc import Container, Iterable, Iterator, Mapping
 
+    from pnfarm.buses.imports import Said
     from pnfarm.buses.projects.caex import CaexElement
     from pnfarm.buses.projects.description_folders import DescriptionFile
     from pnfarm.buses.projects.parts import PartType
@@ -42,7 +44,21 @@ def drive_by_file(device: CaexElement, head: PartType, document: Gsdml, file: De
     if number is not None:
         keys["telegram"] = number
     own_file = None if file.octets is None else file
-    return FoundDrive(name_of(device), drive_model.name, keys, (*notes, *facts(device)), file=own_file)
+    return FoundDrive(
+        name_of(device),
+        drive_model.name,
+        keys,
+        tuple(notes),
+        tuple(facts(device)),
+        file=own_file,
+        said=_said(device, document, [] if number is None else [number]),
+        doubts=tuple(notes) if number is None else (),
+    )
+
+
+def _said(device: CaexElement, document: Gsdml, telegrams: Iterable[int]) -> Said:
+    numbers = document.vendor_id, document.device_id
+    return said_of(name_of(device), numbers, telegrams=dict(enumerate(telegrams)))
 
 
 def drive_by_name(device: CaexElement, file: str) -> FoundDrive | None:
@@ -55,7 +71,10 @@ def drive_by_name(device: CaexElement, file: str) -> FoundDrive | None:
             number = _telegram_by_name(device, model(entry.name), notes)
             if number is not None:
                 keys["telegram"] = number
-            return FoundDrive(name_of(device), entry.name, keys, (*notes, *facts(device)))
+            said = said_of(name_of(device), telegrams=None if number is None else {1: number})
+            own = tuple(facts(device))
+            doubts = (notes[0],)
+            return FoundDrive(name_of(device), entry.name, keys, tuple(notes), own, said=said, doubts=doubts)
     return None
 
 
@@ -84,7 +103,8 @@ def profile_drive(
     keys |= {"axes": axes} if len(axes) > 1 else {key: axes[0][key] for key in axes[0] if key not in {"name", "slot"}}
     notes = "chosen by its telegrams: it behaves as the PROFIdrive profile; `behaviour: {set: ...}` as a maker's"
     own = None if file.octets is None else file
-    return FoundDrive(name_of(device), _PROFILE, keys, (notes, *facts(device)), file=own)
+    said = _said(device, document, [axis["telegram"] for axis in axes])
+    return FoundDrive(name_of(device), _PROFILE, keys, (notes,), tuple(facts(device)), file=own, said=said)
 
 
 def _plugged(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.imports import FoundStation, drives_first
+from pnfarm.buses.imports import FoundStation, Said, drives_first
 from pnfarm.buses.profinet.project.device import project_device
 from pnfarm.buses.profinet.project.drive import drive_by_file, drive_by_name, profile_drive
 from pnfarm.buses.profinet.project.files import GsdmlFiles
-from pnfarm.buses.profinet.project.parts import head_of, name_of
+from pnfarm.buses.profinet.project.parts import address_keys, head_of, name_of
 from pnfarm.buses.projects.parts import devices, facts, is_on_profibus, type_of
 from pnfarm.buses.projects.view import ProjectView
 from pnfarm.errors import ConfigError
@@ -44,7 +44,7 @@ class _Stations:
     def of(self, device: CaexElement) -> Found:
         head = head_of(device, self._project)
         if head is None:
-            return FoundStation(name_of(device), tuple(facts(device)))
+            return self._station(device, tuple(facts(device)))
         kind = type_of(head)
         return self._by_file(device, head, kind) if kind.file else self._by_number(device, head, kind)
 
@@ -82,11 +82,15 @@ class _Stations:
     ) -> Found:
         document, tags = self._files.document(file), self._project.tags(device)
         made = project_device(device, head, document, dap, self._files.for_farm(file), tags)
-        return replace(made, notes=(*remarks, *made.notes))
+        return replace(made, notes=(*remarks, *made.notes), doubts=(*remarks, *made.doubts))
+
+    def _nothing(self, device: CaexElement, why: str, missing: str) -> FoundStation:
+        return self._station(device, (why, *facts(device)), missing)
 
     @staticmethod
-    def _nothing(device: CaexElement, why: str, missing: str) -> FoundStation:
-        return FoundStation(name_of(device), (why, *facts(device)), missing=missing)
+    def _station(device: CaexElement, told: tuple[str, ...], missing: str = "") -> FoundStation:
+        name = name_of(device)
+        return FoundStation(name, told, missing=missing, keys=address_keys(device), said=Said(name=name))
 
 
 def _maker(file: str) -> str:

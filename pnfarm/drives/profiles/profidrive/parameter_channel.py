@@ -1,7 +1,8 @@
 """The drive's end of the parameter channel: a request is written as a record, its response is read from the same.
 
 Record indexes 47 (AKD PROFINET manual 3.6), 0xB02E (local) and 0xB02F (global) lead here; each has its own channel with
-one request of each client at a time (profile 4.1, 8.6): a read while none is pending is a state conflict (0xB5).
+one request of each client at a time at each parameter access point (profile 4.1, 8.6): a read while none is pending is
+a state conflict (0xB5).
 
 A drive may take its time over a request: until it is over, a read of the answer is that state conflict, too (Moog MSD
 manual 9.1: "negative read response", then the data in a later cycle), and so is a second request of the same client
@@ -54,6 +55,11 @@ ERROR_OCTETS = 6
 HEADER_OCTETS = 4
 #: Length of an element's text.
 TEXT_OCTETS = 16
+
+#: The access point of a client that has one only.
+_ANYWHERE = 0, 0
+#: A client and the access point that it uses.
+_State = tuple[int, tuple[int, int]]
 
 #: Formats that carry integers: what a parameter takes beside its own data type if the width fits.
 _INTEGER_FORMATS = {
@@ -217,7 +223,8 @@ class ParameterChannel:
     access point it came to.  With ``further`` axes, axis number 0 elsewhere is the device, whose parameters are the
     first axis's (assumed), and 1 to n are the axes; a drive with one axis takes the numbers of its model.  ``client``
     is the key of the requesting connection, which alone gets the answer; a read without a connection is client 0, which
-    has no request.
+    has no request.  ``place`` is the slot and subslot of the access point; requests at two of them do not meet.  There
+    are as many states as connections and access points at most: the caller knows which places exist.
 
     ``strict`` as in :class:`_ParameterAccess`.
 
@@ -241,19 +248,20 @@ class ParameterChannel:
             numbers = None
         self._accesses = [_ParameterAccess(each, numbers, strict=strict) for each in (store, *further)]
         self._latency = latency
-        self._responses: dict[int, bytes] = {}
-        #: Requests that take their time, one of each client at most: when they are over, what they ask, and of
-        #: which axis.
-        self._working: dict[int, tuple[int, ParameterRequest, int]] = {}
+        self._responses: dict[_State, bytes] = {}
+        #: Requests that take their time, one of each client and place at most: when they are over, what they ask, and
+        #: of which axis.
+        self._working: dict[_State, tuple[int, ParameterRequest, int]] = {}
 
-    def pending(self, client: int = 0) -> bool:
+    def pending(self, client: int = 0, place: tuple[int, int] = _ANYWHERE) -> bool:
         """Whether a response waits to be read."""
-        return client in self._responses
+        return (client, place) in self._responses
 
     def reset(self, client: int = 0) -> None:
         """The connection went down: drop its requests; one that the drive still works on is not carried out."""
-        self._responses.pop(client, None)
-        self._working.pop(client, None)
+        for states in (self._responses, self._working):
+            for state in [state for state in states if state[0] == client]:
+                del states[state]
 
     def next_deadline(self) -> int | None:
         """When a request's time is over."""
@@ -261,41 +269,46 @@ class ParameterChannel:
 
     def handle_timeout(self, now: int) -> None:
         """Carry out the requests whose time is over, in the order in which it ended."""
-        over = sorted((due, client) for client, (due, *_) in self._working.items() if due <= now)
-        for _, client in over:
-            _, request, point = self._working.pop(client)
-            self._responses[client] = self._answer(request, point)
+        over = sorted((due, state) for state, (due, *_) in self._working.items() if due <= now)
+        for _, state in over:
+            _, request, point = self._working.pop(state)
+            self._responses[state] = self._answer(request, point)
 
-    def write_request(self, data: bytes, client: int = 0, now: int = 0, point: int = 0) -> bool:
+    def write_request(
+        self, data: bytes, client: int = 0, now: int = 0, point: int = 0, place: tuple[int, int] = _ANYWHERE
+    ) -> bool:
         """Accept a request and carry it out, now or after its latency; it replaces one whose response was not read.
 
         ``point``: the axis whose access point it came to, from 0.
 
-        False while the drive works on the last one of this client: the record write is a state conflict (0xB5).  Raises
-        :class:`~pnfarm.errors.DecodeError` when the data is shorter than a request's header: the record write is
-        refused (0xB1, length error).  Everything else is answered by a response.
+        False while the drive works on the last one of this client at this place: the record write is a state conflict
+        (0xB5).  Raises :class:`~pnfarm.errors.DecodeError` when the data is shorter than a request's header: the record
+        write is refused (0xB1, length error).  Everything else is answered by a response.
         """
         self.handle_timeout(now)
-        if client in self._working:
+        state = client, place
+        if state in self._working:
             return False
         request = parse_request(data)
         latency = self._latency() if self._latency is not None else 0
         if latency > 0:
-            self._responses.pop(client, None)
-            self._working[client] = (now + latency, request, point)
+            self._responses.pop(state, None)
+            self._working[state] = (now + latency, request, point)
         else:
-            self._responses[client] = self._answer(request, point)
+            self._responses[state] = self._answer(request, point)
         return True
 
-    def read_response(self, maximum: int = 0xFFFF, client: int = 0, now: int = 0) -> bytes | None:
+    def read_response(
+        self, maximum: int = 0xFFFF, client: int = 0, now: int = 0, place: tuple[int, int] = _ANYWHERE
+    ) -> bytes | None:
         """The response, once; None when there is none, or not yet (record error 0xB5, state conflict).
 
         A response longer than ``maximum`` octets becomes the error "response too long", if that fits.
         """
         self.handle_timeout(now)
-        if client not in self._responses:
+        response = self._responses.pop((client, place), None)
+        if response is None:
             return None
-        response = self._responses.pop(client)
         if len(response) <= maximum:
             return response
         too_long = error_values(ParameterError(ParameterErrorNumber.RESPONSE_TOO_LONG))

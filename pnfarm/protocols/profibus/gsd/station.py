@@ -68,6 +68,24 @@ class PluggedSlave:
             slot = module.slot + 1
         return found
 
+    def difference(self, identifiers: bytes) -> tuple[int, str]:
+        """The first slot where other identifiers differ, and the name of a module of the file that has those there."""
+        place, slot = 0, 1
+        for module in self.modules:
+            own = EMPTY_SLOT * (module.slot - slot) + module.item.identifiers
+            if identifiers[place : place + len(own)] != own:
+                empty = identifiers[place : place + module.slot - slot]
+                same = len(empty) - len(empty.lstrip(EMPTY_SLOT))
+                place, slot = place + same, slot + same
+                if place >= len(identifiers):
+                    slot = module.slot
+                break
+            place, slot = place + len(own), module.slot + 1
+        rest = identifiers[place:]
+        fitting = [one for one in self.gsd.modules if one.identifiers and rest.startswith(one.identifiers)]
+        longest = max(fitting, key=lambda one: len(one.identifiers), default=None)
+        return slot, "" if longest is None else longest.name
+
     @property
     def user(self) -> bytes:
         """The user's octets of Set_Prm: the station's, then the modules'."""

@@ -187,6 +187,11 @@ class DcpDevice:
         """The lamp flashes."""
         return self._signal_end is not None
 
+    @property
+    def client(self) -> bytes:
+        """The MAC address of who got or set something last, empty before."""
+        return b"" if self._client is None else self._client[0]
+
     # -- the machine -------------------------------------------------------------------------------------------------
 
     def receive(self, frame: EthernetFrame, now: int) -> None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.protocols.profinet.gsdml.values import parse_number
 from pnfarm.protocols.profinet.wire.records.diagnosis_texts import CHANNEL_ERROR_TYPES, EXT_CHANNEL_ERROR_TYPES
 from pnfarm.vocabulary.quoting import did_you_mean
@@ -53,6 +54,8 @@ class DiagnosisCatalogue:
 
     def __init__(self, gsdml: Gsdml) -> None:
         self._languages = gsdml.languages
+        #: Of the file, in its primary language.
+        self.own_texts = DescribedDiagnosis(gsdml.diagnoses, gsdml.unit_diagnoses)
         #: What the file describes.
         self.described = (*_channels(gsdml), *_units(gsdml))
         known = {(one.error_type, one.ext_error_type) for one in self.described if one.kind == "channel"}

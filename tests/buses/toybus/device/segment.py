@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.station.absent import Absent
 from toybus.frames import ETHERTYPE
 
 if TYPE_CHECKING:
@@ -14,12 +15,12 @@ class ToySegment:
     """Frames of this bus to one drive alone."""
 
     def __init__(self, devices: object) -> None:
-        pass
+        self.absent = Absent()
 
     def admits(self, port: int, data: bytes, now: int) -> bool:
         return data[12:14] == ETHERTYPE.to_bytes(2, "big") and not data[0] & 1
 
-    def audience(self, data: bytes, besides: Collection[int] = ()) -> tuple[int, ...]:
+    def audience(self, data: bytes, now: int, besides: Collection[int] = ()) -> tuple[int, ...]:
         return ()
 
     def settled(self, port: int) -> None:

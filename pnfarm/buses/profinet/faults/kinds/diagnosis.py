@@ -132,11 +132,11 @@ KIND = InjectionKind(
     {
         "error": ParamSpec(
             "whole number",
-            "ChannelErrorType.  For a device also a diagnosis by its name in the maker's file; an extended one, or one "
-            "in the maker's own form, then has its coding.",
+            "ChannelErrorType.  Under a maker's file also a diagnosis by its name there; an extended one, or one in "
+            "the maker's own form, then has its coding.",
             default="error",
             words=ERROR_TYPES,
-            other="a name in the device's file",
+            other="a name in the maker's file",
             low=1,
             high=0xFFFF,
         ),
@@ -158,7 +158,7 @@ KIND = InjectionKind(
         "subslot": SUBSLOT,
         "severity": ParamSpec(
             "word",
-            "Severity; advice only in the qualified coding.  Left out, a fault, or what the device's file has for this "
+            "Severity; advice only in the qualified coding.  Left out, a fault, or what the maker's file has for this "
             "error.",
             words=_SEVERITIES,
         ),

@@ -84,6 +84,9 @@ _MAX_FRAME_SEND_OFFSET = 0x003D0900
 #: redundancy in older editions, and the standard lets the rest be anything.
 _IOCR_RESERVED = 0xFF00_07F0
 _MAX_NAME = 240
+#: Why RT class 3 is refused, and what helps.  Its frames pass a port only while both ends of the cable run synchronised
+#: (RTC3PSM, RTClass3_PortStatus in LLDP), so that none of them would come from a controller.
+_IRT = "the frames of IRT need ports that are synchronised in hardware; choose RT for this device in the project"
 
 #: ErrorCode1 by the type of a block that does not parse or is of another version.
 _FAULTS: dict[int, ConnectFault] = {
@@ -190,7 +193,8 @@ def _check_ar(ar: ArBlockReq, description: DeviceDescription) -> None:
     p = ar.properties
     access = bool(p & ArProperties.DEVICE_ACCESS)
     if ar.ar_type not in {ArType.IOCAR_SINGLE, ArType.IOSAR}:
-        refuse(ArField.AR_TYPE, f"ARType 0x{ar.ar_type:04X} is not supported")
+        why = f": {_IRT}" if ar.ar_type == ArType.IOCAR_SINGLE_RT_CLASS_3 else ""
+        refuse(ArField.AR_TYPE, f"ARType 0x{ar.ar_type:04X} is not supported{why}")
     if ar.ar_type == ArType.IOSAR and not access and not description.limits.max_supervisor_ars:
         refuse(ArField.AR_TYPE, "a supervisor's AR is supported for device access only")
     if ar.ar_uuid == NIL_UUID:
@@ -229,7 +233,8 @@ def _check_iocr(iocr: IocrBlockReq, description: DeviceDescription, *, advanced:
     # advanced start-up no longer has the legacy class 1
     classes = {RtClass.CLASS_2} if advanced else {RtClass.CLASS_1, RtClass.CLASS_2}
     if iocr.rt_class not in classes:
-        refuse(IocrField.IOCR_PROPERTIES, f"RT class {iocr.rt_class} is not supported")
+        why = f": {_IRT}" if iocr.rt_class == RtClass.CLASS_3 else ""
+        refuse(IocrField.IOCR_PROPERTIES, f"RT class {iocr.rt_class} is not supported{why}")
     if iocr.properties & _IOCR_RESERVED:
         refuse(IocrField.IOCR_PROPERTIES, f"IOCRProperties 0x{iocr.properties:08X} has reserved bits")
     if not _MIN_C_SDU <= iocr.data_length <= _MAX_C_SDU:

@@ -362,14 +362,24 @@ class CmDevice:
 
     def _connect(self, payload: bytes, args_maximum: int, caller: Caller, now: int) -> tuple[PnioStatus, bytes]:
         peer_ip = caller.ip
+        heads: list[ArBlockReq] = []
+
+        def admitted(head: ArBlockReq) -> list[Ar]:
+            heads.append(head)
+            return self._admit(head, caller)
+
+        def refused(status: PnioStatus, detail: str) -> ConnectRefused:
+            known = [(head.station_name.decode("latin-1"), head.initiator_mac) for head in heads]
+            return ConnectRefused(peer_ip, status, detail, *(known[0] if known else ("", caller.mac or b"")))
+
         try:
-            request = parse_connect(payload, self.description, lambda head: self._admit(head, caller))
+            request = parse_connect(payload, self.description, admitted)
             layouts = check_connect(request, self.description)
             self._make_way(request, caller, now)
             self._follow(request)
             check_plugged(request, self.plugged)
         except RefusedError as exc:
-            self._events.append(ConnectRefused(peer_ip, exc.status, exc.detail))
+            self._events.append(refused(exc.status, exc.detail))
             return exc.status, b""
         ar = Ar(self._next_key, request.ar, peer_ip, CmdevState.W_CIND, caller.mac, connected_at=now)
         fill(ar, request, layouts, self.ars)
@@ -381,7 +391,7 @@ class CmDevice:
         if len(answer) > args_maximum:
             status = pnio_error(ErrorCode.CONNECT, ConnectFault.CMRPC, CmrpcError.ARGS_LENGTH_INVALID)
             detail = f"the response has {len(answer)} octets, the caller accepts {args_maximum}"
-            self._events.append(ConnectRefused(peer_ip, status, detail))
+            self._events.append(refused(status, detail))
             return status, b""
         settle_claim(claimed, ar, self.ars)
         self._next_key += 1

@@ -24,6 +24,7 @@ __all__ = [
     "ConnectRefused",
     "DiagnosisChanged",
     "PrmEndReceived",
+    "RecordRefused",
     "RecordWritten",
     "SubmodulesChanged",
 ]
@@ -51,11 +52,16 @@ class ArConnected:
 
 @dataclass(frozen=True, slots=True)
 class ConnectRefused:
-    """``detail`` is the text of ``status``, with the cause."""
+    """``detail`` is the text of ``status``, with the cause.
+
+    Name and MAC address of the initiator are empty where its request was refused before they were read.
+    """
 
     initiator_ip: IPv4Address
     status: PnioStatus
     detail: str
+    initiator_name: str = ""
+    initiator_mac: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +154,18 @@ class RecordWritten:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordRefused:
+    """A record was written and refused."""
+
+    ar_key: int
+    api: int
+    slot: int
+    subslot: int
+    index: int
+    status: PnioStatus
+
+
+@dataclass(frozen=True, slots=True)
 class DiagnosisChanged:
     """A diagnosis appeared or disappeared; the controllers that own the submodule got an alarm."""
 
@@ -163,6 +181,7 @@ CmEvent = (
     | ArAborted
     | ArReleased
     | RecordWritten
+    | RecordRefused
     | SubmodulesChanged
     | AlarmConfirmed
     | DiagnosisChanged

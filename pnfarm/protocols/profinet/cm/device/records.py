@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.cm.device.events import RecordWritten
+from pnfarm.protocols.profinet.cm.device.events import RecordRefused, RecordWritten
 from pnfarm.protocols.profinet.errors import (
     OK,
     CmrpcError,
@@ -53,7 +53,7 @@ class ServedCall:
     status: PnioStatus
     payload: bytes = b""
     ar: Ar | None = None
-    events: tuple[RecordWritten, ...] = ()
+    events: tuple[RecordWritten | RecordRefused, ...] = ()
 
 
 def _undecodable(service: ErrorCode, exc: DecodeError) -> ServedCall:
@@ -84,8 +84,8 @@ def _write_response(h: IodWriteReqHeader, status: PnioStatus, error: RecordError
 
 def _write_one(
     ar: Ar, write: RecordWrite, handler: RecordHandler, now: int
-) -> tuple[IodWriteResHeader, list[RecordWritten]]:
-    """The answer for one record, and what was written."""
+) -> tuple[IodWriteResHeader, list[RecordWritten | RecordRefused]]:
+    """The answer for one record, and what was written or refused."""
     h = write.header
     status = _version_fault(ErrorCode.WRITE, h.version)
     if not status.ok:
@@ -93,8 +93,8 @@ def _write_one(
     if h.ar_uuid != ar.uuid:
         status = pnio_error(ErrorCode.WRITE, ConnectFault.CMRPC, CmrpcError.AR_UUID_UNKNOWN)
         return _write_response(h, status), []
-    error = handler.write(ar, h.api, h.slot, h.subslot, h.index, write.data, now)
-    written = [] if error else [RecordWritten(ar.key, h.api, h.slot, h.subslot, h.index, write.data)]
+    error, done = _write(ar, (h.api, h.slot, h.subslot, h.index), write.data, handler, now)
+    written = [done]
     if error is None and h.index == Index.COMBINED_OBJECT_CONTAINER:
         error, written = _write_contents(ar, parse_container(write.data), handler, now)
     if error is not None:
@@ -104,7 +104,7 @@ def _write_one(
 
 def _write_contents(
     ar: Ar, contents: Iterable[ContainerContent], handler: RecordHandler, now: int
-) -> tuple[RecordError | None, list[RecordWritten]]:
+) -> tuple[RecordError | None, list[RecordWritten | RecordRefused]]:
     """Write each record of a container; one that fails does not stop the others, the first failure is the answer.
 
     Assumed: no source at hand gives the result of a container of which one record is refused.
@@ -112,11 +112,20 @@ def _write_contents(
     failed: RecordError | None = None
     written = []
     for c in contents:
-        error = handler.write(ar, c.api, c.slot, c.subslot, c.index, c.data, now)
-        if error is None:
-            written.append(RecordWritten(ar.key, c.api, c.slot, c.subslot, c.index, c.data))
+        error, done = _write(ar, (c.api, c.slot, c.subslot, c.index), c.data, handler, now)
+        written.append(done)
         failed = failed or error
     return failed, written
+
+
+def _write(
+    ar: Ar, place: tuple[int, int, int, int], data: bytes, handler: RecordHandler, now: int
+) -> tuple[RecordError | None, RecordWritten | RecordRefused]:
+    """One record at API, slot, subslot, index: its error, and what is told of it."""
+    error = handler.write(ar, *place, data, now)
+    if error is None:
+        return None, RecordWritten(ar.key, *place, data)
+    return error, RecordRefused(ar.key, *place, error.status(ErrorCode.WRITE))
 
 
 def serve_write(
@@ -148,7 +157,8 @@ def serve_write(
         refused = pnio_error(ErrorCode.WRITE, ConnectFault.CMRPC, CmrpcError.ARGS_LENGTH_INVALID)
         answer = emit_write_response((_write_response(request.header, refused),))
         return ServedCall(refused, _fitting(answer, args_maximum), ar)
-    headers, events = [], []
+    headers: list[IodWriteResHeader] = []
+    events: list[RecordWritten | RecordRefused] = []
     for write in request.writes:
         header, written = _write_one(ar, write, handler, now)
         headers.append(header)

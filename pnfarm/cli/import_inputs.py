@@ -1,0 +1,134 @@
+"""What `pnfarm import` reads: captures of one plant as one, projects each by itself, and all of them joined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from heapq import merge
+from typing import TYPE_CHECKING
+
+from pnfarm.buses import registry
+from pnfarm.buses.imports import ImportingBus, ProjectBus, drives_first
+from pnfarm.buses.merging import Source, merged
+from pnfarm.buses.projects.caex import MAX_OCTETS, NotCaexError, is_project, parse_caex
+from pnfarm.buses.projects.description_folders import DescriptionFolders
+from pnfarm.buses.projects.l5x import NotL5xError, is_l5x, parse_l5x
+from pnfarm.captures.reading import FrameReader
+from pnfarm.cli.farm_file import counted
+from pnfarm.errors import ConfigError
+from pnfarm.terminal.working import working
+from pnfarm.vocabulary.regular_file import read_regular
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from pnfarm.buses.imports import Found
+
+__all__ = ["Inputs", "is_project_file", "read_inputs"]
+
+#: Octets in which the root of an XML file begins.
+_HEAD = 4096
+#: Frames between two looks at how far the reading is.
+_SHOWN_FRAMES = 5000
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """``source`` names the files, ``captured``: captures are among them.
+
+    ``remarks`` are sentences for the user, with the file or station that each is about.
+    """
+
+    found: list[Found]
+    source: str
+    captured: bool
+    remarks: list[str]
+
+
+def read_inputs(
+    files: Sequence[Path], others: Sequence[Path], folders: Sequence[Path], base: Path, *, models: bool
+) -> Inputs:
+    """The stations of ``files``, joined with those of ``others``; ``base`` is the folder of the farm file to be.
+
+    Of projects the first counts most, and captures count least, whichever is given first.  Raises :class:`ConfigError`
+    where a file cannot be read, or nothing shows a device.
+    """
+    projects = [file for file in (*files, *others) if is_project_file(file)]
+    captures = [file for file in (*files, *others) if file not in projects]
+    if len(files) > 1 and any(file in projects for file in files):
+        raise ConfigError(f"{projects[0]} is a project: give it alone, and what is to be joined with it by --merge")
+    if projects and not captures and not models:
+        raise ConfigError("--devices is for captures: a project says too little of a station's data")
+    remarks: list[str] = []
+    sources = [(file.name, _of_project(file, folders, base, remarks)) for file in projects]
+    if captures:
+        sources.append((" and ".join(file.name for file in captures), _of_captures(captures, remarks, models=models)))
+    found: list[Found] = []
+    for bus in registry.BUSES:
+        (name, stations), *rest = ((name, found_by_bus.get(bus, [])) for name, found_by_bus in sources)
+        for other, more in rest:
+            if stations and more:
+                stations, differing = merged(Source(name, stations), Source(other, more))
+                remarks += differing
+            else:
+                stations = [*stations, *more]
+            name = f"{name} and {other}"
+        found += stations
+    if not found:
+        needed = "a capture needs the start of a connection (Connect, Forward_Open, Set_Prm), or an answer to a search"
+        shown = " and ".join(map(str, (*files, *others)))
+        raise ConfigError(f"{shown} shows no device" + (f": {needed}" if captures else ""))
+    source = " ".join([*(file.name for file in files), *(f"--merge {file.name}" for file in others)])
+    return Inputs(list(drives_first(found)), source, bool(captures), remarks)
+
+
+def is_project_file(file: Path) -> bool:
+    """Whether it is an engineering project's export, not a capture; raises :class:`ConfigError`."""
+    try:
+        with file.open("rb") as begin:
+            return is_project(begin.read(16))
+    except OSError as exc:
+        raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
+
+
+def _of_project(file: Path, folders: Sequence[Path], base: Path, remarks: list[str]) -> Mapping[str, list[Found]]:
+    """What is in it by bus; description files that could not be read are remarks."""
+    try:
+        data = read_regular(file, MAX_OCTETS + 1)
+        kind, project = ("l5x", parse_l5x(data)) if is_l5x(data[:_HEAD]) else ("caex", parse_caex(data))
+    except OSError as exc:
+        raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
+    except NotCaexError as exc:
+        raise ConfigError(f"{file} is not CAx data: {exc}") from exc
+    except NotL5xError as exc:
+        raise ConfigError(f"{file} is not an L5X file: {exc}") from exc
+    at_hand = DescriptionFolders(folders, file.parent)
+    found = {
+        key: list(bus.of_project(project, at_hand, base))
+        for key, bus in registry.BUSES.items()
+        if isinstance(bus, ProjectBus) and bus.project_kind == kind
+    }
+    remarks += [f"{file}: {line}" for line in at_hand.remarks]
+    return found
+
+
+def _of_captures(files: Sequence[Path], remarks: list[str], *, models: bool) -> Mapping[str, list[Found]]:
+    """What they show by bus; their frames are in the order of their times."""
+    decoder = registry.decoder()
+    importing_buses = {key: bus for key, bus in registry.BUSES.items() if isinstance(bus, ImportingBus)}
+    for key, bus in importing_buses.items():
+        bus.observe(decoder.buses[key])
+    readers = [FrameReader(file, decoder.link_types) for file in files]
+    with working(f"reading {', '.join(map(str, files))}") as show:
+        for number, frame in enumerate(merge(*readers, key=lambda one: one.time_ns), 1):
+            decoder.feed(frame)
+            if number % _SHOWN_FRAMES == 0:
+                show(0, f"{number:,} frames")
+    for file, reader in zip(files, readers, strict=True):
+        if reader.complaint is not None:
+            remarks.append(f"{file}: the file cannot be read to its end: {reader.complaint}")
+    if torn := decoder.capture.incomplete:
+        remarks.append(
+            f"{files[0]}: not whole: {counted(torn, 'fragmented IP packet')}; what was said in them is missing"
+        )
+    return {key: list(bus.found(decoder.buses[key], models=models)) for key, bus in importing_buses.items()}

@@ -1,0 +1,187 @@
+"""What a farm file may say of its plant, and how it is told what is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pnfarm.farm.file.reading import FarmFileError, parse_farm
+from pnfarm.testing import Line
+
+HEAD = """farm: t
+link: {kind: memory}
+drives:
+- {name: x, model: akd-profinet, ip: 10.77.0.11/24, load: {friction: 0, damping: 0}}
+plant:
+"""
+
+
+def _issues(plant: str) -> list[str]:
+    with pytest.raises(FarmFileError) as caught:
+        parse_farm(HEAD + plant)
+    return [f"{issue.line}: {issue.what}; {issue.allowed}" for issue in caught.value.issues]
+
+
+@pytest.mark.parametrize(
+    ("plant", "what"),
+    [
+        ("  wires: [x.shaft_position]", "6: 'x.shaft_position' is no wire"),
+        ("  wires: [y.position -> x.load_torque]", "6: 'y.position' names no model and no station"),
+        ("  wires: [x.shaft -> x.load_torque]", "6: x gives no 'shaft' to a plant"),
+        ("  wires: [x.torque -> x.load]", "6: x takes no 'load' from a plant"),
+        ("  wires: [x.torque -> x.limit_low]", "6: x.torque is a number, x.limit_low is a bit"),
+        ("  wires: [x.shaft_velocity -> x.load_torque]", "6: x.load_torque is in Nm"),
+        ("  wires: [not x.torque -> x.load_torque]", "6: x.load_torque is a number, which cannot be inverted"),
+        ("  wires: [x.torque -> x.load_torque, x.torque * 2 -> x.load_torque]", "6: x.load_torque has a wire already"),
+        ("  models: [{name: c, kind: cilinder}]", "6: 'cilinder' is no built-in model, did you mean cylinder?"),
+        ("  models: [{name: c, kind: cylinder}]", "6: cylinder c has no time"),
+        ("  models: [{name: c, kind: cylinder, time: 3}]", "6: is 3, which has no unit"),
+        ("  models: [{name: c, kind: cylinder, time: 1s, tim: 3}]", "6: cylinder has no such parameter"),
+        ("  models: [{name: c, kind: cylinder, time: 1s, valve: three}]", "6: is 'three'; monostable"),
+        ("  models: [{name: x, kind: lamp}]", "6: 'x' is a station, too"),
+        ("  models: [{name: a, kind: lamp}, {name: a, kind: lamp}]", "6: 'a' is another model, too"),
+        ("  models: [{name: a, kind: lamp, python: a.py}]", "6: model a has kind and python"),
+        ("  models: [{name: a}]", "6: model a has no kind"),
+        ("  models: [{name: a.b, kind: lamp}]", "6: 'a.b' is not a model's name"),
+        ("  models: [{name: a, kind: lamp, step: 500us}]", "6: is shorter than the plant's own step"),
+        ("  step: 100us", "6: is no step of a plant; 500us to 100ms"),
+        ("  models: [{name: m, kind: elastic-load, axis: z, stiffness: 1, inertia: 1}]", "6: there is no axis 'z'"),
+        ("  models: [{name: m, kind: rigid-coupling, axes: [x]}]", "6: rigid-coupling is between two axes"),
+        (
+            "  models: [{name: m, kind: elastic-load, axis: x, stiffness: 1, inertia: 1, backlash: 5 mm}]",
+            "6: is not measured in mm",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_plant_is_told_at_its_line(plant: str, what: str):
+    assert any(issue.startswith(what) for issue in _issues(plant)), _issues(plant)
+
+
+def test_a_wire_converts_between_units_of_one_kind_and_takes_a_factor_between_others():
+    text = HEAD + (
+        "  models: [{name: s, kind: position-sensor, from: 30, to: 50}, {name: e, kind: encoder}]\n"
+        "  wires:\n"
+        "  - x.shaft_position * 40 mm + 5 mm -> s.position\n"
+        "  - x.shaft_position * 180 deg -> e.position\n"
+    )
+    with Line.from_text(text) as line:
+        line.core.axes[0].handle.axis.load.settings.torque = -0.02
+        line.run(0.5)
+        shaft = float(line.core.axes[0].handle.axis.outside.shaft)
+        assert shaft > 1.0
+        assert line.plant.s.position == pytest.approx(40 * shaft + 5, rel=0.02)
+        assert line.plant.e.position == pytest.approx(shaft / 2, rel=0.02)
+
+
+def test_limit_switches_and_digital_inputs_of_a_drive_are_the_plants_to_press():
+    text = HEAD + (
+        "  models: [{name: b, kind: push-button}, {name: c, kind: push-button}]\n"
+        "  wires: [b.on -> x.limit_high, c.on -> x.input_5]\n"
+    )
+    with Line.from_text(text) as line:
+        machine = line.core.axes[0].handle.axis.machine
+        line.run(0.1)
+        assert (int(machine.limit_switch), int(machine.inputs)) == (0, 0)
+        line.plant.b.press = line.plant.c.press = True
+        line.run(0.01)
+        assert (int(machine.limit_switch), int(machine.inputs)) == (0x2, 0x20)
+        line.plant.b.press = False
+        line.run(0.01)
+        assert int(machine.limit_switch) == 0
+
+
+def test_a_load_torque_from_the_plant_turns_a_free_shaft_and_a_held_one_stays_in_place():
+    text = HEAD + (
+        "  models:\n"
+        "  - {name: w, kind: first-order, time_constant: 1ms}\n"
+        "  - {name: p, kind: first-order, time_constant: 1ms}\n"
+        "  wires: [w.value * 1 Nm -> x.load_torque]\n"
+    )
+    with Line.from_text(text) as line:
+        outside = line.core.axes[0].handle.axis.outside
+        line.plant.w.input = -0.5
+        line.run(0.5)
+        assert float(outside.shaft) > 0.1
+    held = text.replace("wires: [", "wires: [p.value * 1 revolutions -> x.load_position, ")
+    with Line.from_text(held) as line:
+        outside = line.core.axes[0].handle.axis.outside
+        line.plant.w.input = -0.5
+        line.plant.p.input = 0.25
+        line.run(0.5)
+        assert float(outside.shaft) == pytest.approx(0.25, abs=1e-6)
+
+
+MODEL = """
+class Barrier:
+    inputs = {"position": "mm"}
+    outputs = {"on": bool}
+
+    def step(self, dt):
+        self.on = 100.0 <= self.position <= 140.0
+"""
+
+
+def _with_file(folder: Path, source: str, more: str = "") -> Path:
+    (folder / "barrier.py").write_text(source)
+    file = folder / "t.pnfarm.yml"
+    file.write_text(
+        HEAD + f"  models: [{{name: b, python: barrier.py, step: 5ms{more}}}]\n"
+        "  wires: [x.shaft_position * 40 mm -> b.position]\n"
+    )
+    return file
+
+
+def test_a_light_barrier_in_python_takes_ten_lines(tmp_path: Path):
+    with Line.from_file(_with_file(tmp_path, MODEL)) as line:
+        line.core.axes[0].handle.axis.load.settings.torque = -0.05
+        waited = line.wait_until(lambda: line.plant.b.on, 5.0)
+        assert waited > 0.01
+        assert 100.0 <= float(line.plant.b.position) <= 140.0
+
+
+@pytest.mark.parametrize(
+    ("source", "what"),
+    [
+        ("class A(:\n", "barrier.py:1: invalid syntax"),
+        ("x = 1\n", "no class with a method step(self, dt)"),
+        ("class A:\n    def step(self): pass\n", "barrier.py:2: A needs step(self, dt)"),
+        ("class A:\n    outputs = {'on': list}\n    def step(self, dt): pass\n", "on is <class 'list'>"),
+        ("class A:\n    def step(self, dt): pass\n", "A has no ports"),
+        (MODEL.replace('"position": "mm"', '"on": bool'), "has 'on' as input and output"),
+        ("1 / 0\n", "barrier.py:1: ZeroDivisionError"),
+    ],
+)
+def test_what_is_wrong_with_a_model_in_python_is_told_with_its_line(tmp_path: Path, source: str, what: str):
+    with pytest.raises(FarmFileError) as caught:
+        Line.from_file(_with_file(tmp_path, source))
+    assert what in str(caught.value)
+
+
+def test_a_model_that_fails_stops_alone_and_its_outputs_stay(tmp_path: Path):
+    source = MODEL.replace("        self.on =", "        self.count = getattr(self, 'count', 0) + 1\n"
+                                                "        if self.count > 10: raise KeyError('part')\n"
+                                                "        self.on = True or")  # fmt: skip
+    with Line.from_file(_with_file(tmp_path, source)) as line:
+        line.run(1.0)
+        assert line.plant.b.on
+        (failed,) = line.events("plant model failed")
+        assert failed.data["model"] == "b"
+        assert failed.data["error"] == "KeyError: 'part'"
+        assert failed.data["line"] == 8
+        # the farm goes on
+        before = line.now
+        line.run(1.0)
+        assert line.now == pytest.approx(before + 1.0)
+
+
+def test_a_model_that_gives_what_is_no_number_fails_with_a_sentence(tmp_path: Path):
+    with Line.from_file(_with_file(tmp_path, MODEL.replace("100.0 <= self.position <= 140.0", "float('nan')"))) as line:
+        line.run(0.1)
+        (failed,) = line.events("plant model failed")
+        assert "on is nan, not a finite number" in str(failed.data["error"])
+
+
+def test_a_farm_file_is_read_without_running_the_files_of_its_models(tmp_path: Path):
+    file = _with_file(tmp_path, "raise SystemExit(3)\n")
+    assert parse_farm(file.read_text(), file).plant is not None
