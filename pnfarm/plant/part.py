@@ -123,10 +123,10 @@ class PortSignals:
 
     def take_state(self, state: Mapping[str, Any], *, check: bool = False) -> None:
         """What :meth:`state` gave; ``check``: only look whether it fits.  Raises :class:`SignalError`."""
-        given = [state.get(key) for key in ("written", "forced")]
-        if not all(isinstance(one, dict) for one in given):
+        written, forced = state.get("written"), state.get("forced")
+        if not isinstance(written, dict) or not isinstance(forced, dict):
             raise SignalError([("written", "and forced are no mappings of ports", "")])
-        written, forced = map(self._checked, given)
+        written, forced = self._checked(written), self._checked(forced)
         if not check:
             self._written, self._forced = written, forced
             self._changes += 1

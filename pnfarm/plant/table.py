@@ -135,8 +135,13 @@ class PlantTable:
 
     def copies(self) -> PlantCopies:
         """All that steps change, copied; to be called between two steps."""
-        arrays = self.values, self.memory, self._behaviours, self._couplings
-        return PlantCopies(*(array.copy() for array in arrays), int(self.row[0].last_ns))
+        return PlantCopies(
+            self.values.copy(),
+            self.memory.copy(),
+            self._behaviours.copy(),
+            self._couplings.copy(),
+            int(self.row[0].last_ns),
+        )
 
     def put_back(self, copies: PlantCopies) -> None:
         """Copies that were changed; to be called between two steps."""

@@ -136,7 +136,7 @@ class StationSignals:
     # -- its state
 
     def state(self) -> dict[str, object]:
-        """What is written and forced, as plain JSON; faults and the plant are not part of it."""
+        """What is written, hexadecimal, and forced; faults and the plant are not part of it."""
         octets, bits = self._layers.state()
         return {"written": octets.hex(), "set": f"{bits:x}", "forced": self.forced}
 

@@ -62,7 +62,7 @@ class PlainSignals(NamedSignals, Protocol):
         """Values of the plant for inputs of the controller."""
 
     def state(self) -> Mapping[str, Any]:
-        """What is written and forced, as plain JSON."""
+        """What is written, hexadecimal, and forced."""
 
     def take_state(self, state: Mapping[str, Any], *, check: bool = False) -> None:
         """What :meth:`state` gave; ``check``: only look whether it fits."""

@@ -31,6 +31,7 @@ from pnfarm.wire.layout import Structure
 from pnfarm.wire.octets import Reader
 from tests.fuzz.mutate import variation, varied_lines, varied_xml
 from tests.fuzz.plugging import describe_everything, plug_every_module, plug_everything
+from tests.fuzz.states import check_changed, saved_states
 
 __all__ = ["Parser", "parsers"]
 
@@ -269,4 +270,5 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
     found["station.plug_station"] = Parser("station.plug_station", plug_everything, layers.get("gsdml", ()), varied_xml)
     found["eds.describe"] = Parser("eds.describe", describe_everything, layers.get("eds", ()))
     found["station.plug_slave"] = Parser("station.plug_slave", plug_every_module, layers.get("gsd", ()), varied_lines)
+    found["state.check_state"] = Parser("state.check_state", check_changed, saved_states(), varied_lines)
     return sorted(found.values(), key=lambda parser: parser.name)
