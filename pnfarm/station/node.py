@@ -287,6 +287,7 @@ class StationNode:
     def replace_memory(self, values: dict[str, Any]) -> None:
         """Other contents of non-volatile memory, from the next power-on on.  Raises :class:`EnvironmentError_`."""
         self._memory.save(self.configured_name, values)
+        self.kept = dict(values)
 
     @property
     def can_save(self) -> bool:

@@ -138,6 +138,24 @@ def test_faults_and_their_history_are_back():
         assert int(line.core.axes[0].handle.axis.faults.counter) == 1
 
 
+def test_an_active_fault_has_its_diagnosis_again():
+    with Line("a", model="profidrive") as line:
+        line.wait_running()
+        axis = line["a"]
+        axis.inject("drive-fault", fault=4)
+        line.run(0.01)
+        state, device = taken(line), line.core.axes[0].device
+        assert len(device.records.diagnosis) == 1
+        line.reset()
+        axis.power_cycle()
+        assert len(device.records.diagnosis) == 0
+        put(line, state)
+        assert len(device.records.diagnosis) == 1
+        # it is acknowledged as any other, by the controller that comes back
+        line.wait_running()
+        assert len(device.records.diagnosis) == 0
+
+
 def test_a_drive_that_was_off_is_off_again():
     with Line("a", "b") as line:
         line["a"].power_off()
@@ -251,7 +269,7 @@ def test_states_are_saved_listed_restored_and_deleted(tmp_path):
 
         async def use():
             notes = await states.save("mid")
-            assert notes == [f"{name}: its connection to 10.77.255.250 is not saved" for name in "ab"]
+            assert notes == ["connections are not saved, those of a b"]
             assert [one.name for one in await states.kept()] == ["mid"]
             place = line["a"].position
             line.run(1)
