@@ -28,6 +28,7 @@ import maker_page
 import manual_coverage
 import metric_page
 import model_pages
+import plant_page
 
 from pnfarm.buses.ethernetip.controller import session as scanner_session
 from pnfarm.buses.profinet.controller import session
@@ -283,6 +284,7 @@ PAGES = {
     "metrics.md": metric_page.page,
     "api.md": api_page.page,
     "commands.md": command_page.page,
+    "plant-models.md": plant_page.plant_models,
     "drives/index.md": drive_pages.index,
     "drives/makers.md": maker_page.page,
     **{f"drives/{name}.md": partial(drive_pages.page, name) for name in sorted(models())},

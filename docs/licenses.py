@@ -27,6 +27,8 @@ NOTES = {
     "prometheus-client": "never in one process with scapy",
     "opentelemetry-api": "never in one process with scapy",
     "junitparser": "never in one process with scapy",
+    "fmpy": "never in one process with scapy: imported in the processes of FMUs alone",
+    "msgpack": "never in one process with scapy",
     "cm-ethernetip": "a scanner in tests, in a process of its own",
     "cpppo": "a client in tests, in a process of its own; taken under version 3 of the GPL",
     "mergedeep": "its text is that of MIT",
@@ -84,7 +86,7 @@ def sections() -> dict[str, list[str]]:
 
 
 #: Packages whose metadata say nothing, by the licence's text that they hold.
-_BY_TEXT = {"axe-playwright-python": "MIT; the rules in it MPL-2.0"}
+_BY_TEXT = {"axe-playwright-python": "MIT; the rules in it MPL-2.0", "fmpy": "BSD-2-Clause"}
 #: Words of a classifier or a free text that name one licence of SPDX's list; "BSD" alone names none.
 _SPDX = {
     "Apache 2.0": "Apache-2.0",

@@ -75,7 +75,9 @@ class PickAndPlace(Axis):
             if z.go(UP):
                 self.next("carry", now)
         elif self.step == "carry":
-            if self.held(inputs) and self.go(PLACE):
+            # 0 = stop on the way
+            self.IntermediateStop = self.held(inputs)
+            if self.IntermediateStop and self.go(PLACE):
                 self.next("put", now)
         elif self.step == "put":
             if z.go(DOWN):

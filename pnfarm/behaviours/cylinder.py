@@ -51,7 +51,7 @@ def step_cylinder(values: Any, memory: Any, seconds: float) -> None:
 CYLINDER = Behaviour(
     "cylinder",
     "A cylinder, a gripper or a flap, with its valve and two end position sensors.",
-    "dx/dt = 1 / time_out while the valve extends, -1 / time_in while it retracts; 0 <= x <= 1",
+    "dx/dt = 1 / time while the valve extends, -1 / time_in while it retracts; 0 <= x <= 1",
     inputs=(
         bit("extend", "coil that extends"),
         bit("retract", "coil that retracts; a monostable valve has none, its spring retracts"),

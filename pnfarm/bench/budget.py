@@ -62,7 +62,7 @@ def _frame_ns() -> float:
 
 
 def _step_ns() -> float:
-    from pnfarm.bench.firmware import SPEED, cost_of_a_step
+    from pnfarm.bench.in_memory.firmware import SPEED, cost_of_a_step
 
     return cost_of_a_step(SPEED.replace("count: 64", "count: 8"))
 

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 from pnfarm.bench.cyclic import WAYS, akd_1024, flat, frame_cost, full_port, memory, ways
 from pnfarm.bench.devices import devices
 from pnfarm.bench.enip import enip_64
+from pnfarm.bench.in_memory.virtual import firmware, scrape, trace, virtual_time
 from pnfarm.bench.latency import fault_latency
 from pnfarm.bench.load import Load
 from pnfarm.bench.multi_axis import multi_axis
 from pnfarm.bench.page import page_1000
+from pnfarm.bench.plant import plant
 from pnfarm.bench.profibus import profibus_32
 from pnfarm.bench.result import Result, judged
 from pnfarm.bench.start import start_64, start_1024
 from pnfarm.bench.storm import storm
-from pnfarm.bench.virtual import firmware, scrape, trace, virtual_time
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.vocabulary.quoting import did_you_mean
 
@@ -99,6 +100,11 @@ BENCHMARKS: dict[str, Benchmark] = {
             *_figures("multi-axis-128", "single", "ratio"),
             *_figures("multi-axis", "start", "interpreter"),
         ),
+    ),
+    "plant": Benchmark(
+        plant,
+        20.0,
+        ("plant-64-alone", "plant-64", *_figures("plant-64", "ratio", "lateness"), "plant-python"),
     ),
     "page-1000": Benchmark(
         page_1000,

@@ -87,14 +87,12 @@ def check_impairments(config: FarmConfig) -> None:
     signals.
     """
     from pnfarm.drives import catalogue
-    from pnfarm.farm.farm import model_of
     from pnfarm.farm.file.reading import FarmFileError, FileIssue, expand, expand_devices
-    from pnfarm.farm.plant import known_signals
 
     issues: list[FileIssue] = []
     named: set[str] = set()
     drives, devices = expand(config), expand_devices(config)
-    known, _ = known_signals(config, model_of)
+    known = _known_signals(config, devices)
     members: list[tuple[str, int, Sequence[Impairment], list[DriveConfig | DeviceConfig], Model | None]] = []
     for group, section in enumerate(config.drives):
         own = [drive for drive in drives if drive.group == group]
@@ -157,6 +155,17 @@ def _misfits(
             bind(impairment.when, model, devices, "" if model is not None else names[0])
         except ConditionError as exc:
             yield "when", f"column {exc.column}: {exc.what}", exc.allowed
+
+
+def _known_signals(config: FarmConfig, devices: Sequence[DeviceConfig]) -> KnownDevices:
+    """Signals by the names of devices, and of models of the plant, whose files are run."""
+    if config.plant is None:
+        # what reads a plant takes the compiler with it
+        return {device.name: device.known_signals for device in devices}
+    from pnfarm.farm.farm import model_of
+    from pnfarm.farm.plant import known_signals
+
+    return known_signals(config, model_of)[0]
 
 
 def check_program(config: FarmConfig) -> None:

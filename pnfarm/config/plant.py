@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -20,14 +21,16 @@ MOST_MODELS, MOST_WIRES = 2000, 10_000
 FASTEST_STEP_NS, SLOWEST_STEP_NS = 500_000, 100_000_000
 _NAME = re.compile(r"[A-Za-z_](?:[A-Za-z0-9_-]{0,62}[A-Za-z0-9_])?")
 _NUMBER = r"[-+]?[0-9]{1,15}(?:\.[0-9]{1,15})?(?:[eE][-+]?[0-9]{1,3})?"
-_UNIT = r"[A-Za-z%°µμ][A-Za-z0-9%°µμ/^²]{0,15}"
-_END = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,254}"
+_UNIT = r"[A-Za-z%°µμ][A-Za-z0-9%°µμ/^².]{0,15}"
+# FMUs have variables such as u[1,2] and der(x)
+_END = r"[A-Za-z0-9_][][A-Za-z0-9_.,()-]{0,254}"
 _WIRE = re.compile(
     rf"(?P<inverted>not\s+)?(?P<source>{_END})"
     rf"(?:\s*\*\s*(?P<scale>{_NUMBER})(?:\s*(?P<unit>{_UNIT}))?)?"
     rf"(?:\s*(?P<sign>[-+])\s*(?P<offset>{_NUMBER})(?:\s*(?P<offset_unit>{_UNIT}))?)?"
     rf"\s*->\s*(?P<target>{_END})"
 )
+_OF_FMUS = ("parameters", "on_failure")
 _ALLOWED = "SOURCE -> TARGET, such as axis-1.shaft_position * 40 mm -> belt.travel, or not gate.on -> island-1.free"
 
 
@@ -90,6 +93,27 @@ def _within(step_ns: int) -> int:
     return step_ns
 
 
+def _fmu_value(value: Any) -> Any:
+    if isinstance(value, bool | str) or (isinstance(value, int | float) and abs(value) <= sys.float_info.max):
+        return value
+    raise Problem(f"is {shown(value)}", "a number, true, false, or a text")
+
+
+def _on_failure(value: Any) -> Any:
+    if isinstance(value, dict):
+        return value
+    if value == "hold":
+        return {}
+    raise Problem(f"is {shown(value)}", "hold, or {OUTPUT: VALUE}")
+
+
+_FMU_VALUE = {"type": ["boolean", "number", "string"]}
+FmuValue = Annotated[bool | int | float | str, PlainValidator(_fmu_value), WithJsonSchema(_FMU_VALUE)]
+OnFailure = Annotated[
+    dict[str, FmuValue],
+    BeforeValidator(_on_failure),
+    WithJsonSchema({"anyOf": [{"const": "hold"}, {"type": "object", "additionalProperties": _FMU_VALUE}]}),
+]
 Step = Annotated[Duration, AfterValidator(_within)]
 Wire = Annotated[
     WireText,
@@ -102,6 +126,8 @@ def _texts(value: Any) -> Any:
     """A model's other keys are its parameters: numbers, switches, words, lists of words."""
     if isinstance(value, dict):
         for key, one in value.items():
+            if key in _OF_FMUS:
+                continue
             if not isinstance(one, int | float | str) and not (
                 isinstance(one, list) and len(one) <= 64 and all(isinstance(each, str) for each in one)
             ):
@@ -113,7 +139,7 @@ class PlantModel(Section):
     """A model of the plant: a built-in one (``kind``), a Python class, or an FMU; other keys are its parameters."""
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True, allow_inf_nan=False)
-    first_keys: ClassVar[tuple[str, ...]] = ("name", "kind", "python")
+    first_keys: ClassVar[tuple[str, ...]] = ("name", "kind", "python", "fmu")
 
     name: Annotated[str, AfterValidator(_model_name)] = Field(description="Its name; its ports are NAME.PORT.")
     kind: str | None = Field(default=None, description="A built-in model of `pnfarm plant --kinds`.")
@@ -122,6 +148,15 @@ class PlantModel(Section):
     )
     class_name: str | None = Field(
         default=None, alias="class", min_length=1, max_length=200, description="The class, where the file has several."
+    )
+    fmu: str | None = Field(
+        default=None, min_length=1, max_length=4096, description="An FMU for co-simulation, FMI 2.0 or 3.0."
+    )
+    fmu_parameters: dict[str, FmuValue] | None = Field(
+        default=None, alias="parameters", max_length=10_000, description="Parameters of an FMU, by its names."
+    )
+    on_failure: OnFailure | None = Field(
+        default=None, description="Outputs of an FMU that has failed: held, or the values of those that are named."
     )
     step_ns: Step | None = Field(default=None, alias="step", description="Time between its steps; the plant's.")
 

@@ -145,9 +145,11 @@ class VirtualLine:
         self.programs: ProgramRunner | None = joined.programs if joined is not None else None
 
     async def close(self) -> None:
-        """End the users' programs, close the farm's link, and with it a capture."""
+        """End the users' programs and the plant's models, close the farm's link, and with it a capture."""
         if self.programs is not None:
             self.programs.close()
+        if self.farm.plant is not None:
+            self.farm.plant.close()
         await self.farm.link.close()
 
     @property

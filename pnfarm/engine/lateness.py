@@ -58,6 +58,7 @@ class LatenessRecord:
     def __init__(self, columns: Columns) -> None:
         self._columns = columns
         self._loop: deque[tuple[int, int]] = deque(maxlen=LOOP_ENTRIES)
+        self._plant: deque[tuple[int, int]] = deque(maxlen=LOOP_ENTRIES)
         self._stolen: deque[tuple[int, int]] = deque(maxlen=SAMPLES)
         self.sample: Callable[[], None] | None = None
 
@@ -65,6 +66,11 @@ class LatenessRecord:
         """The event loop did at ``now`` what had been due ``late_ns`` before."""
         if late_ns > LATE_NS:
             self._loop.append((now, late_ns))
+
+    def plant_late(self, now: int, late_ns: int) -> None:
+        """A model of the plant was ready at ``now`` with what had been due ``late_ns`` before; from its thread."""
+        if late_ns > LATE_NS:
+            self._plant.append((now, late_ns))
 
     def stolen(self, now: int, total_ns: int) -> None:
         """Stolen time so far, as read at ``now``."""
@@ -75,9 +81,13 @@ class LatenessRecord:
         if self.sample is not None:
             self.sample()
         engine_ns, receive_ns = self._engine(begin, end)
-        loop = self._loop_between(begin, end)
+        loop = _longest(self._loop, begin, end)
         stolen = self._stolen_between(begin, end)
         return Lateness(budget_ns, engine_ns, receive_ns, max(loop, loop_ns, 0), stolen, by_loop)
+
+    def plant_between(self, begin: int, end: int) -> int:
+        """The longest delay of a model of the plant, ns; the drives do not wait for it."""
+        return _longest(self._plant, begin, end)
 
     def _engine(self, begin: int, end: int) -> tuple[int, int]:
         """Lateness of ticks, and the longest wait of a frame beyond a tick."""
@@ -99,16 +109,6 @@ class LatenessRecord:
             total += end - max(due, begin, counted)
         return total, max(0, waited)
 
-    def _loop_between(self, begin: int, end: int) -> int:
-        """The longest delay of the event loop.  From the newest entry on: a storm asks for each of its connections."""
-        longest = 0
-        for now, late in reversed(self._loop):
-            if now <= begin:
-                break
-            if _overlap(now - late, now, begin, end):
-                longest = max(longest, min(late, end - (now - late)))
-        return longest
-
     def _stolen_between(self, begin: int, end: int) -> int:
         """From the last sample before ``begin`` to the first one after ``end``: at least what was stolen."""
         first = last = None
@@ -119,6 +119,18 @@ class LatenessRecord:
             if when <= begin:
                 break
         return last - first if first is not None and last is not None else 0
+
+
+def _longest(entries: deque[tuple[int, int]], begin: int, end: int) -> int:
+    """The longest delay.  From the newest entry on: a storm asks for each of its connections."""
+    longest = 0
+    # a copy: another thread may append to it
+    for now, late in reversed(entries.copy()):
+        if now <= begin:
+            break
+        if _overlap(now - late, now, begin, end):
+            longest = max(longest, min(late, end - (now - late)))
+    return longest
 
 
 def _overlap(first: int, last: int, begin: int, end: int) -> bool:

@@ -222,7 +222,7 @@ class FarmCore:
                 signals,
                 self.columns,
                 partial(self._note_plant, log),
-                in_real_time=in_real_time,
+                late=self.lateness.plant_late if in_real_time else None,
             )
         #: What is injected into the drives.
         self.injections = make_manager(

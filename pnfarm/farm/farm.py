@@ -208,7 +208,7 @@ class Farm:
         self._leaseholder: Leaseholder | None = None
         self._driver: RealTimeDriver | MemoryDriver | None = None
         self._core: FarmCore | None = None
-        self._plant: CodeThread | None = None
+        self._plant: list[CodeThread] = []
         self.started_ns = 0
         #: Called before the engine starts, with the core.
         self.on_start: list[Callable[[FarmCore], None]] = []
@@ -332,9 +332,9 @@ class Farm:
             raise
 
     def _start_plant(self, core: FarmCore) -> None:
-        """Models of the plant in Python have a thread of their own in real time."""
+        """Models of the plant in Python have a thread of their own in real time, and FMUs another one."""
         plant = core.plant
-        if plant is None or self.world is not None or not len(plant.python):
+        if plant is None or self.world is not None:
             return
         loop = asyncio.get_running_loop()
 
@@ -343,8 +343,10 @@ class Farm:
                 loop.call_soon_threadsafe(action)
 
         plant.carry = carry
-        self._plant = CodeThread(plant.python, lambda exc: carry(partial(self.driver.fail, exc)), "pnfarm plant")
-        self._plant.start()
+        for models, name in ((plant.python, "pnfarm plant"), (plant.fmus, "pnfarm FMUs")):
+            if len(models):
+                self._plant.append(CodeThread(models, lambda exc: carry(partial(self.driver.fail, exc)), name))
+                self._plant[-1].start()
 
     async def _open_state(self) -> FarmState | PostgresState:
         """The drives' memory; in a database it is shared, and every drive is claimed there before it is made."""
@@ -430,8 +432,10 @@ class Farm:
                 now = self.now()
                 self._core.stop(now)
                 self.log.record(now, "", FarmStopped())
-            if self._plant is not None:
-                await asyncio.to_thread(self._plant.close)
+            for models in self._plant:
+                await asyncio.to_thread(models.close)
+            if self._core is not None and self._core.plant is not None:
+                await asyncio.to_thread(self._core.plant.close)
             if self._driver is not None:
                 await self._driver.close()
         finally:

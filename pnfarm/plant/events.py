@@ -9,7 +9,10 @@ __all__ = ["PlantModelFailed", "PlantModelLate", "PlantStepsLeftOut"]
 
 @event("plant model failed", "error")
 class PlantModelFailed(Event):
-    """A model in Python raised an exception or did not return: it makes no more steps, its outputs stay."""
+    """A model in Python raised an exception or did not return, or an FMU failed: it makes no more steps.
+
+    Its outputs stay, or an FMU's have the values of ``on_failure``.
+    """
 
     model: str
     error: str
@@ -19,7 +22,7 @@ class PlantModelFailed(Event):
 
 @event("plant model late", "warning")
 class PlantModelLate(Event):
-    """A model in Python takes longer than its step; reported at the first time, the tenth, the hundredth ..."""
+    """A model in Python, or an FMU, takes longer than its step; reported the first, tenth, hundredth time ..."""
 
     model: str
     duration_seconds: float

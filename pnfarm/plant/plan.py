@@ -14,6 +14,7 @@ from pnfarm.behaviours.couplings import COUPLED
 from pnfarm.behaviours.declaration import Port
 from pnfarm.plant.axis_ports import TAKEN
 from pnfarm.plant.coupling_kinds import COUPLINGS
+from pnfarm.plant.fmi.planned import FmuModel, plan_fmu
 from pnfarm.plant.parameters import read_parameters
 from pnfarm.plant.python_file import PlantFileError, load_model
 from pnfarm.vocabulary.problem import Problem
@@ -45,7 +46,7 @@ class PlannedModel:
     """A model: what it is, its ports by name and the numbers of their values."""
 
     name: str
-    what: Behaviour | CouplingKind | ModelClass
+    what: Behaviour | CouplingKind | FmuModel | ModelClass
     step_ns: int
     parameters: Mapping[str, Any]
     inputs: Mapping[str, tuple[Port, int]]
@@ -105,14 +106,20 @@ _End: TypeAlias = "tuple[int | StationEnd, Port]"
 
 
 def plan_plant(
-    section: PlantSection, axes: Mapping[str, PlantAxis], devices: KnownDevices, folder: Path | None, report: Report
+    section: PlantSection,
+    axes: Mapping[str, PlantAxis],
+    devices: KnownDevices,
+    folder: Path,
+    report: Report,
+    *,
+    runs_files: bool = True,
 ) -> PlantPlan:
     """Check a plant; what is wrong is reported at its place in the file.
 
-    ``folder``: files of models are relative to it.  None: no file is run, and wires to models
-    in Python are not checked.
+    ``folder``: files of models are relative to it.  ``runs_files=False``: no file of a model
+    in Python is run, and wires to it are not checked.
     """
-    planner = _Planner(section, axes, devices, folder, report)
+    planner = _Planner(section, axes, devices, folder, report, runs_files=runs_files)
     planner.models()
     planner.wires()
     return planner.plan
@@ -124,13 +131,16 @@ class _Planner:
         section: PlantSection,
         axes: Mapping[str, PlantAxis],
         devices: KnownDevices,
-        folder: Path | None,
+        folder: Path,
         report: Report,
+        *,
+        runs_files: bool,
     ) -> None:
         self._section = section
         self._axes = axes
         self._devices = devices
         self._folder = folder
+        self._runs_files = runs_files
         self._report = report
         self._models: dict[str, PlannedModel] = {}
         #: Names of models that could not be made, or are not yet: wires to them are not checked.
@@ -164,9 +174,9 @@ class _Planner:
                 self._models[model.name] = made
 
     def _model(self, at: tuple[str | int, ...], model: PlantModel) -> PlannedModel | None:
-        given = [key for key, value in (("kind", model.kind), ("python", model.python)) if value is not None]
+        given = [key for key in ("kind", "python", "fmu") if getattr(model, key) is not None]
         if len(given) != 1:
-            self._report(at, f"model {model.name} has {' and '.join(given) or 'no kind'}", "kind, or python")
+            self._report(at, f"model {model.name} has {' and '.join(given) or 'no kind'}", "kind, or python, or fmu")
             return None
         if model.class_name is not None and model.python is None:
             self._report((*at, "class"), "is a key of models in Python", "a file in `python`")
@@ -174,6 +184,11 @@ class _Planner:
         if step < self._section.step_ns:
             what = "is shorter than the plant's own step"
             self._report((*at, "step"), what, f"{self._section.step_ns / 1e6:g}ms or more, or a shorter step of plant")
+        if model.fmu is not None:
+            return self._fmu(at, model, step)
+        for key, value in (("parameters", model.fmu_parameters), ("on_failure", model.on_failure)):
+            if value is not None:
+                self._report((*at, key), "is a key of FMUs", "a file in `fmu`")
         if model.python is not None:
             return self._python(at, model, step)
         assert model.kind is not None
@@ -201,7 +216,7 @@ class _Planner:
     def _made(
         self,
         name: str,
-        what: Behaviour | CouplingKind | ModelClass,
+        what: Behaviour | CouplingKind | FmuModel | ModelClass,
         step: int,
         parameters: Mapping[str, Any],
         places: Mapping[str, tuple[Port, int]],
@@ -220,8 +235,23 @@ class _Planner:
         self._values += count
         return made
 
+    def _fmu(self, at: tuple[str | int, ...], model: PlantModel, step: int) -> PlannedModel | None:
+        assert model.fmu is not None
+        for key in model.parameters:
+            self._report((*at, key), "is no key of an FMU", "parameters: {NAME: VALUE}")
+        found = plan_fmu(at, model, self._folder / model.fmu, self._report)
+        if found is None:
+            return None
+        return self._of_ports(model.name, found, step, found.parameters)
+
+    def _of_ports(
+        self, name: str, found: FmuModel | ModelClass, step: int, parameters: Mapping[str, Any]
+    ) -> PlannedModel:
+        ports = {port.name: (port, self._values + i) for i, port in enumerate((*found.inputs, *found.outputs))}
+        return self._made(name, found, step, parameters, ports, {port.name for port in found.inputs}, len(ports))
+
     def _python(self, at: tuple[str | int, ...], model: PlantModel, step: int) -> PlannedModel | None:
-        if self._folder is None:
+        if not self._runs_files:
             return None
         assert model.python is not None
         try:
@@ -229,15 +259,12 @@ class _Planner:
         except PlantFileError as error:
             self._report((*at, "python"), str(error), error.allowed)
             return None
-        ports = {port.name: (port, self._values + i) for i, port in enumerate((*found.inputs, *found.outputs))}
         unknown = [key for key in model.parameters if key not in found.parameters]
         for key in unknown:
             hint = did_you_mean(key, found.parameters)
             what = f"{found.name} has no such parameter{hint}"
             self._report((*at, key), what, ", ".join(found.parameters) or "no further keys")
-        return self._made(
-            model.name, found, step, model.parameters, ports, {port.name for port in found.inputs}, len(ports)
-        )
+        return self._of_ports(model.name, found, step, model.parameters)
 
     # -- wires
 
@@ -294,6 +321,10 @@ class _Planner:
             # an input that a user sets may be seen elsewhere, too
             port, place = others[name]
             return place, port
+        why = model.what.no_port(name) if isinstance(model.what, FmuModel) else ""
+        if why:
+            self._report(at, f"{model.name}.{name} {why}", ", ".join(wanted) or "a number or a switch")
+            return None
         side = "input" if ends else "output"
         hint = did_you_mean(name, wanted)
         what = f"{model.name} has no {side} {shown(name)}{hint}"

@@ -6,6 +6,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.plant.events import PlantStepsLeftOut
+from pnfarm.plant.fmi.models import FmuModels
+from pnfarm.plant.fmi.planned import FmuModel
 from pnfarm.plant.part import PlantPart
 from pnfarm.plant.plan import StationEnd
 from pnfarm.plant.python_file import ModelClass
@@ -27,7 +29,10 @@ __all__ = ["Plant"]
 
 
 class Plant:
-    """``signals``: those of devices, by the devices' names; ``note`` records an event, with its time first."""
+    """``signals``: those of devices, by the devices' names; ``note`` records an event, with its time first.
+
+    ``late``: in real time, takes how late a model in Python or an FMU was; None in virtual time.
+    """
 
     def __init__(
         self,
@@ -37,7 +42,7 @@ class Plant:
         columns: Columns,
         note: Callable[[int, Event], object],
         *,
-        in_real_time: bool,
+        late: Callable[[int, int], object] | None = None,
     ) -> None:
         self.plan = plan
         self._signals = signals
@@ -46,11 +51,13 @@ class Plant:
         self.carry: Callable[[Callable[[], object]], object] | None = None
         self._engine = columns.engine[0]
         self._left_out = 0
-        self._in_real_time = in_real_time
+        self._in_real_time = late is not None
         #: Its rows, for a saved state.
         self.table = PlantTable(plan, axes, signals, columns)
         python = [model for model in plan.models.values() if isinstance(model.what, ModelClass)]
-        self.python = PythonModels(python, self.table.values, self._carried, in_real_time=in_real_time)
+        self.python = PythonModels(python, self.table.values, self._carried, late=late)
+        fmus = [model for model in plan.models.values() if isinstance(model.what, FmuModel)]
+        self.fmus = FmuModels(fmus, self.table.values, self._carried, late=late)
         #: Inputs of stations, and the numbers of their values.
         self._written: dict[str, list[tuple[Signal, int]]] = {}
         self._targets: set[int] = set()
@@ -76,9 +83,15 @@ class Plant:
         """Steps so far."""
         return int(self.row.steps)
 
+    @property
+    def fmu_names(self) -> list[str]:
+        """Models that are FMUs: what is inside them is in processes of their own."""
+        return [name for name, model in self.plan.models.items() if isinstance(model.what, FmuModel)]
+
     def start(self, now: int) -> None:
         """Have the engine step it from its next tick on."""
         self.python.start(now)
+        self.fmus.start(now)
         self.table.attach()
 
     def _carried(self, now: int, event: Event) -> None:
@@ -89,13 +102,21 @@ class Plant:
             self.carry(partial(self._note, now, event))
 
     def next_deadline(self) -> int | None:
-        """When a model in Python is due, unless these have a thread of their own."""
-        return None if self._in_real_time else self.python.next_deadline()
+        """When a model in Python or an FMU is due, unless these have threads of their own."""
+        models = () if self._in_real_time else (self.python, self.fmus)
+        return min((due for one in models if (due := one.next_deadline()) is not None), default=None)
 
     def service(self, now: int) -> None:
-        """Make the steps of models in Python that are due, unless these have a thread of their own."""
+        """Make the steps of models in Python and of FMUs that are due, unless these have threads of their own."""
         if not self._in_real_time:
             self.python.service(now)
+            self.fmus.service(now)
+
+    def close(self) -> None:
+        """End the models in Python and the FMUs, unless these have threads, which end them."""
+        if not self._in_real_time:
+            self.python.close()
+            self.fmus.close()
 
     def changed(self, now: int) -> None:
         """The engine reported that inputs of stations changed: write them."""

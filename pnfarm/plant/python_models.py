@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pnfarm.plant.plan import PlannedModel
     from pnfarm.station.event import Event
 
-__all__ = ["PythonModels"]
+__all__ = ["PythonModels", "is_reported"]
 
 _T = TypeVar("_T")
 
@@ -80,7 +80,10 @@ class _Model:
 
 
 class PythonModels:
-    """``note`` records an event, ``now`` first."""
+    """``note`` records an event, ``now`` first.
+
+    ``late(now, ns)``: in real time, takes how late a step was; None in virtual time.
+    """
 
     def __init__(
         self,
@@ -88,11 +91,11 @@ class PythonModels:
         values: Any,
         note: Callable[[int, Event], object],
         *,
-        in_real_time: bool,
+        late: Callable[[int, int], object] | None = None,
     ) -> None:
         self._models = [_Model(one, values) for one in models]
         self._note = note
-        self._in_real_time = in_real_time
+        self._late = late
         self._worker = Worker()
         #: Who calls models: their thread, or who saves or restores them.
         self._calling = threading.Lock()
@@ -205,8 +208,9 @@ class PythonModels:
         elif call.error is not None:
             file, line = place_of(call.error, str(model.file))
             self._fail(model, error_text(call.error), file, line, now)
-        elif self._in_real_time:
+        elif self._late is not None:
             assert call.duration_ns is not None
+            self._late(now, now + call.duration_ns - (model.due_ns - model.step_ns))
             model.longest_ns = max(model.longest_ns, call.duration_ns)
             if model.due_ns <= now:
                 # it was late by whole steps, its own or the machine's: they are left out
@@ -215,7 +219,7 @@ class PythonModels:
                 model.missed += missed
             if call.duration_ns > model.step_ns:
                 model.reported += 1
-                if _is_power(model.reported):
+                if is_reported(model.reported):
                     self._note(
                         now,
                         PlantModelLate(model.name, call.duration_ns / 1e9, model.step_ns / 1e9, model.missed),
@@ -226,7 +230,8 @@ class PythonModels:
         self._note(now, PlantModelFailed(model.name, error, file, line))
 
 
-def _is_power(count: int) -> bool:
+def is_reported(count: int) -> bool:
+    """Whether this late step is: the first, the tenth, the hundredth ..."""
     while count % REPORTED_AGAIN == 0:
         count //= REPORTED_AGAIN
     return count == 1

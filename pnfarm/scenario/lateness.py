@@ -32,13 +32,15 @@ class FarmLateness:
     def was_late(self, begin: int, now: int) -> bool:
         """Whether it was later than its budget in that time, or its engine still stands."""
         found, stands = self._between(begin, now)
-        worst = max(found.worst_ns, stands)
+        plant = self._core.lateness.plant_between(begin, now)
+        worst = max(found.worst_ns, stands, plant)
         if worst <= found.budget_ns:
             return False
         parts = {
             "engine": max(found.engine_ns, stands),
             "frames waited": found.receive_ns,
             "event loop": found.loop_ns,
+            "plant": plant,
             "time stolen by other programs or the host": found.stolen_ns,
         }
         said = ", ".join(f"{name} {_rounded(ns)}" for name, ns in parts.items() if ns > 0)
@@ -48,7 +50,7 @@ class FarmLateness:
     def worst_ns(self, begin: int, now: int) -> int:
         """The largest lateness in that time."""
         found, stands = self._between(begin, now)
-        return max(found.worst_ns, stands)
+        return max(found.worst_ns, stands, self._core.lateness.plant_between(begin, now))
 
     def _between(self, begin: int, now: int) -> tuple[Lateness, int]:
         found = farm_lateness(self._core, begin, now, budget=self._budget_ns)

@@ -158,9 +158,12 @@ class Line(BlockingFace[Drive]):
     def save(self) -> Moment:
         """This moment of the whole line: drives, devices, plant, faults, controllers with their programs, the time.
 
-        Its ``left_out`` are the kinds of objects of one's own programs and models that it cannot save.
+        Its ``left_out`` are the kinds of objects of one's own programs and models that it cannot save.  Raises
+        :class:`ConfigError` for a plant with FMUs, which are processes of their own.
         """
         self._check_open()
+        if self.core.plant is not None and (fmus := self.core.plant.fmu_names):
+            raise ConfigError(f"a line with FMUs cannot go back to a moment: {', '.join(fmus[:8])} cannot")
         return Moment(self._line)
 
     def restore(self, moment: Moment) -> None:

@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MODELS = ("akd-ethernetip", "akd-profinet", "akd-profinet-2012", "hiwin-e1", "moog-msd", "profidrive")
 NAMES = (
     "table.md", "states.md", "farm-file.md", "coverage.md", "behaviour.md", "bus.md", "faults.md", "metrics.md",
-    "api.md", "commands.md", "gsdml.md", "drives/index.md", "drives/makers.md",
+    "plant-models.md",    "api.md", "commands.md", "gsdml.md", "drives/index.md", "drives/makers.md",
     *(f"drives/{m}.md" for m in (*MODELS, "moog-msd-dp", "profidrive-dp")), *(f"parameters/{m}.md" for m in MODELS),
 )  # fmt: skip
 

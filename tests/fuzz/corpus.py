@@ -388,6 +388,7 @@ def _descriptions() -> Iterator[tuple[str, bytes]]:
     for version in VERSIONS:
         yield "gsdml", gsdml_of(version).encode()
     yield "gsdml", drive_object_gsdml().encode()
+    yield "fmu", (Path(__file__).parents[1] / "plant" / "fmu_sources" / "bench.xml").read_bytes()
     yield "gsdml", (Path(__file__).parents[1] / "protocols" / "profinet" / "gsdml_miniature.xml").read_bytes()
     for path in sorted((Path(__file__).parents[2] / "configs" / "gsdml").glob("*.xml")):
         yield "gsdml", path.read_bytes()

@@ -24,6 +24,7 @@ import pnfarm.wire
 from pnfarm.buses.profinet.binding import describe_device
 from pnfarm.drives import catalogue
 from pnfarm.errors import DecodeError
+from pnfarm.plant.fmi.description import FmuFileError, read_description
 from pnfarm.protocols.profinet.wire.alarms import notification
 from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, parse_rta
 from pnfarm.protocols.profinet.wire.block import Block, RawBlock
@@ -240,6 +241,14 @@ def _alarms(rta: Sequence[bytes]) -> dict[str, list[bytes]]:
     return layers
 
 
+def refusing_fmus(data: bytes) -> None:
+    """The description of an FMU, whose refusal is another exception."""
+    try:
+        read_description(data)
+    except FmuFileError as error:
+        raise DecodeError("refused", str(error)) from error
+
+
 def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
     """All of them, by name."""
     layers = {**layers, **_alarms(layers.get("rta", ()))}
@@ -269,6 +278,7 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
             add(f"{title}-little", lambda data, kind=kind: kind.parse(data, little_endian=True), pool)
     found["station.plug_station"] = Parser("station.plug_station", plug_everything, layers.get("gsdml", ()), varied_xml)
     found["eds.describe"] = Parser("eds.describe", describe_everything, layers.get("eds", ()))
+    found["fmi.description"] = Parser("fmi.description", refusing_fmus, layers.get("fmu", ()), varied_xml)
     found["station.plug_slave"] = Parser("station.plug_slave", plug_every_module, layers.get("gsd", ()), varied_lines)
     found["state.check_state"] = Parser("state.check_state", check_changed, saved_states(), varied_lines)
     return sorted(found.values(), key=lambda parser: parser.name)

@@ -20,17 +20,24 @@ BEGIN_NS = 1_000_000_000
 class PlantBench:
     """``models`` and ``wires`` as in a farm file; ``bench["gripper.extended"]`` is a port."""
 
-    def __init__(self, *models: dict[str, Any], wires: tuple[str, ...] = (), step: str = "1ms") -> None:
+    def __init__(
+        self, *models: dict[str, Any], wires: tuple[str, ...] = (), step: str = "1ms", in_real_time: bool = False
+    ) -> None:
         section = PlantSection.model_validate({"step": step, "models": [*models], "wires": [*wires]})
         self.issues: list[str] = []
         plan = plan_plant(section, {}, {}, Path(), lambda at, what, allowed: self.issues.append(f"{at[-1]}: {what}"))
         self.events: list[Event] = []
         self._columns = allocate(images=1)
-        self._plant = Plant(plan, {}, {}, self._columns, lambda _, event: self.events.append(event), in_real_time=False)
+        #: In real time: when a model was late, and by how much.
+        self.late: list[tuple[int, int]] = []
+        late = (lambda now, ns: self.late.append((now, ns))) if in_real_time else None
+        self._plant = Plant(plan, {}, {}, self._columns, lambda _, event: self.events.append(event), late=late)
         self._step_ns = plan.step_ns
         self._columns.engine[0].plant_step_ns = plan.step_ns
         self.now = BEGIN_NS
         self._plant.python.start(self.now)
+        self.fmus = self._plant.fmus
+        self.fmus.start(self.now)
 
     def __getitem__(self, port: str) -> Any:
         model, _, name = port.rpartition(".")
@@ -39,6 +46,10 @@ class PlantBench:
     def __setitem__(self, port: str, value: Any) -> None:
         model, _, name = port.rpartition(".")
         self._plant.parts[model].signals.set({name: value})
+
+    def ports(self, model: str) -> tuple[str, ...]:
+        """The names of a model's ports."""
+        return self._plant.parts[model].signals.names
 
     def step(self, steps: int = 1) -> None:
         """Steps of the plant, and of models in Python that are due."""

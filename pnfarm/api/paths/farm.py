@@ -46,6 +46,8 @@ class Finding(Schema):
     ok: bool | None = Field(description="Null: works, but not at its best, or unknown.")
     detail: str
     remedy: str
+    line: int = Field(description="Of the farm file; 0 for none.")
+    keeps_red: bool = Field(description="The farm runs, but its PLC does not get green.")
 
 
 class Findings(Schema):

@@ -11,9 +11,9 @@ import io
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.projects.zip_files import DamagedZipError, zip_member, zip_names
 from pnfarm.errors import ConfigError
 from pnfarm.vocabulary.untrusted_xml import XmlText, read_xml
+from pnfarm.vocabulary.zip_files import DamagedZipError, zip_member, zip_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

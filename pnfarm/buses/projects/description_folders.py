@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.projects.zip_files import DamagedZipError, zip_member, zip_names
 from pnfarm.errors import ConfigError
 from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.vocabulary.zip_files import DamagedZipError, zip_member, zip_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -17,13 +17,12 @@ from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink
 from pnfarm.config.values import expand_name, numbered
 from pnfarm.farm.file.choice import bus_of, bus_of_controller, bus_of_devices, device_part, titles
 from pnfarm.farm.file.expand import controller_mac, expand_device_sections, expand_sections
-from pnfarm.plant.axis_ports import PlantAxis
-from pnfarm.plant.plan import plan_plant
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from pnfarm.buses.bus import Bus
     from pnfarm.config.controller import ControllerSection
@@ -40,6 +39,7 @@ __all__ = ["check"]
 def check(
     sections: FarmSections,
     known: Known,
+    folder: Path,
     report: Report,
     *,
     is_complete: bool = True,
@@ -48,6 +48,7 @@ def check(
 ) -> None:
     """Report all that does not fit together; one report per group and cause, not one per drive.
 
+    ``folder``: files of models of the plant are relative to it.
     ``is_complete=False`` leaves out the checks between sections, for a file of which some were set aside; ``places``
     are then the numbers that the drive groups have in the file, ``device_places`` those of the groups of devices.
     """
@@ -79,7 +80,7 @@ def check(
         _check_names(groups, report)
         _check_between(sections, groups, devices, known, report)
         if is_complete:
-            _check_plant(sections, known, report)
+            _check_plant(sections, known, folder, report)
     for controller in sections.controllers:
         bus = bus_of_controller(controller)
         _check_program(controller, report)
@@ -87,10 +88,14 @@ def check(
         bus.farm_file.check_controller(controller, own, known, _of(controller, sections, report))
 
 
-def _check_plant(sections: FarmSections, known: Known, report: Report) -> None:
+def _check_plant(sections: FarmSections, known: Known, folder: Path, report: Report) -> None:
     """The plant as far as no file of a model is run."""
     if sections.plant is None:
         return
+    # behaviours are compiled code: a file without a plant is read without the compiler
+    from pnfarm.plant.axis_ports import PlantAxis  # noqa: PLC0415 - see above
+    from pnfarm.plant.plan import plan_plant  # noqa: PLC0415 - see above
+
     axes = {
         axis.name: PlantAxis.of(described, axis.load)
         for drive in expand_sections(sections, known)
@@ -98,7 +103,7 @@ def _check_plant(sections: FarmSections, known: Known, report: Report) -> None:
         for axis in drive.axes
     }
     devices = {device.name: device.known_signals for device in expand_device_sections(sections)}
-    plan_plant(sections.plant, axes, devices, None, report)
+    plan_plant(sections.plant, axes, devices, folder, report, runs_files=False)
 
 
 def _check_lease(sections: FarmSections, report: Report) -> None:

@@ -264,6 +264,7 @@ def _build(
         check(
             partial.model_copy(update={"drives": groups, "devices": devices}),
             known,
+            folder,
             report_moved,
             is_complete=not _says_nothing_of_links(wrong),
             places=moved["drives"],
@@ -274,7 +275,7 @@ def _build(
         groups, notes = with_identities(config.drives, folder, known, report)
         devices = with_descriptions(config.devices, folder, report)
         config = config.model_copy(update={"drives": groups, "devices": devices})
-        check(config, known, report)
+        check(config, known, folder, report)
     issues += in_lists
     if issues or config is None:
         raise FarmFileError(issues)

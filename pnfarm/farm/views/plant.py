@@ -32,7 +32,7 @@ def plant_snapshot(core: FarmCore) -> dict[str, Any]:
 
 
 def _models(plant: Plant) -> list[dict[str, Any]]:
-    python = plant.python.snapshot()
+    users = {**plant.python.snapshot(), **plant.fmus.snapshot()}
     found = []
     for name, part in plant.parts.items():
         planned = plant.plan.models[name]
@@ -47,7 +47,7 @@ def _models(plant: Plant) -> list[dict[str, Any]]:
             }
             for signal, value, _ in part.signals.readings()
         ]
-        running = python.get(name, {"missed_steps": 0, "longest_seconds": None, "failure": ""})
+        running = users.get(name, {"missed_steps": 0, "longest_seconds": None, "failure": ""})
         found.append(
             {
                 "name": name,

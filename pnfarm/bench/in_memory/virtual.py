@@ -104,7 +104,7 @@ def _run_up(line: VirtualLine) -> None:
 def firmware(seconds: float, load: Load) -> list[Result]:
     """One drive's own firmware in a step of 1 ms: all models mixed, moving."""
     del seconds
-    from pnfarm.bench.firmware import POSITION, SPEED, costs_of_a_step
+    from pnfarm.bench.in_memory.firmware import POSITION, SPEED, costs_of_a_step
 
     unit = "ns per drive and step"
     results: list[Result] = []
@@ -125,7 +125,7 @@ def firmware(seconds: float, load: Load) -> list[Result]:
 def trace(seconds: float, load: Load) -> list[Result]:
     """Trace 8 signals of 64 drives at 1 ms, in memory: what it adds, beside the whole engine without a trace."""
     del seconds
-    from pnfarm.bench.trace import cost_of_a_trace
+    from pnfarm.bench.in_memory.trace import cost_of_a_trace
 
     line = _in_memory(64, "1ms", 3)
     with load:

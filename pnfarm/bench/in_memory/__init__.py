@@ -1,0 +1,1 @@
+"""Benchmarks of a farm in memory, in virtual time."""

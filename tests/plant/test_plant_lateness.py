@@ -1,0 +1,59 @@
+"""Models in Python in real time: what is late is left out, counted, and makes a verdict inconclusive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pnfarm.config.plant import PlantSection
+from pnfarm.plant.plan import plan_plant
+from pnfarm.plant.python_models import PythonModels
+from pnfarm.scenario.lateness import FarmLateness
+from pnfarm.testing import Line
+
+MS = 1_000_000
+MODEL = """
+class Ramp:
+    outputs = {"value": float}
+
+    def step(self, dt):
+        self.value += dt
+"""
+
+
+@pytest.fixture
+def models(tmp_path: Path):
+    (tmp_path / "ramp.py").write_text(MODEL)
+    section = PlantSection.model_validate({"models": [{"name": "ramp", "python": "ramp.py", "step": "5ms"}]})
+    plan = plan_plant(section, {}, {}, tmp_path, lambda *issue: pytest.fail(str(issue)))
+    late: list[tuple[int, int]] = []
+    found = PythonModels(plan.models.values(), [0.0], lambda *_: None, late=lambda now, ns: late.append((now, ns)))
+    found.start(0)
+    yield found, late
+    found.close()
+
+
+def test_steps_that_were_due_while_the_machine_stood_are_left_out_and_counted(models):
+    python, late = models
+    python.service(5 * MS)
+    assert python.snapshot()["ramp"]["missed_steps"] == 0
+    python.service(32 * MS)
+    assert python.snapshot()["ramp"]["missed_steps"] == 4
+    assert python.next_deadline() == 35 * MS
+    assert python.snapshot()["ramp"]["steps"] == 2
+    assert late[-1][0] == 32 * MS
+    assert late[-1][1] >= 22 * MS
+
+
+def test_a_plant_that_is_late_makes_a_failure_inconclusive():
+    with Line("axis-01") as line:
+        line.wait_running()
+        lateness = FarmLateness(line.core, 10 * MS, line.now_ns)
+        begin = line.now_ns
+        line.run(0.1)
+        assert not lateness.was_late(begin, line.now_ns)
+        line.core.lateness.plant_late(line.now_ns, 25 * MS)
+        line.run(0.001)
+        assert lateness.was_late(begin, line.now_ns)
+        assert "plant" in lateness.told
