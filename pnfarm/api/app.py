@@ -12,12 +12,14 @@ from pnfarm.api.hosts.drives import FarmDrives
 from pnfarm.api.hosts.farm import FarmItself
 from pnfarm.api.hosts.faults import FarmFaults
 from pnfarm.api.hosts.plant import FarmPlant
+from pnfarm.api.hosts.states import FarmStates
 from pnfarm.api.hosts.streams import FarmStreams
 from pnfarm.api.hosts.traces import FarmTraces
 from pnfarm.api.live import LiveViews
 from pnfarm.api.paths.devices import add_device
 from pnfarm.api.paths.drives import add_drive
 from pnfarm.buses.registry import BUSES
+from pnfarm.farm.state.states import SavedStates
 from pnfarm.metrics import FarmCollector
 from pnfarm.scenario.running import RunningScenarios
 from pnfarm.web.paths import Paths
@@ -42,11 +44,12 @@ def make_app(
     token: str | None = None,
     read_token: str | None = None,
     collector: FarmCollector | None = None,
+    states: SavedStates | None = None,
 ) -> FastAPI:
     """The API of one farm; tokens as :func:`~pnfarm.api.application.make_api` takes them.
 
     ``now`` is the farm's clock and ``poke`` what makes its runtime look at a change
-    (:meth:`~pnfarm.farm.realtime.RealTimeDriver.poke`).
+    (:meth:`~pnfarm.farm.realtime.RealTimeDriver.poke`).  ``states``: its saved states, None without a folder for them.
     """
     context = ApiContext(core=core, collector=collector or FarmCollector(core), now=now, poke=poke)
     drives = FarmDrives(context)
@@ -60,6 +63,7 @@ def make_app(
         faults=FarmFaults(context),
         scenarios=RunningScenarios(core, context.collector, now, poke),
         traces=FarmTraces(context),
+        states=FarmStates(states or SavedStates(core, None, now, poke)),
         farm=FarmItself(context),
         streams=FarmStreams(context, views),
         plant=FarmPlant(context),

@@ -17,6 +17,7 @@ from pnfarm.api.paths.farm import add_farm
 from pnfarm.api.paths.faults import add_faults
 from pnfarm.api.paths.plant import add_plant
 from pnfarm.api.paths.scenarios import add_scenarios
+from pnfarm.api.paths.states import add_states
 from pnfarm.api.paths.streams import add_streams
 from pnfarm.api.paths.traces import add_traces
 from pnfarm.api.problems import install_handlers
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from pnfarm.api.paths.faults import FaultsHost
     from pnfarm.api.paths.host import Host
     from pnfarm.api.paths.plant import PlantHost
+    from pnfarm.api.paths.states import StatesHost
     from pnfarm.api.paths.streams import StreamsHost
     from pnfarm.api.paths.traces import TracesHost
     from pnfarm.scenario.running import KeptScenarios
@@ -55,6 +57,7 @@ class Hosts:
     faults: FaultsHost
     scenarios: KeptScenarios
     traces: TracesHost
+    states: StatesHost
     farm: FarmHost
     streams: StreamsHost
     plant: PlantHost
@@ -94,6 +97,7 @@ def make_api(
     add_faults(path("faults"), host, hosts.faults)
     add_scenarios(path("scenarios"), hosts.scenarios, host.now)
     add_traces(path("traces"), hosts.traces)
+    add_states(path("states"), hosts.states)
     add_farm(path("farm"), hosts.farm)
     add_streams(path("farm"), hosts.streams)
     add_page(app)

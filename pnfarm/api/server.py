@@ -160,7 +160,14 @@ async def serve_farm(farm: Farm, *, task_status: TaskStatus[tuple[str, int]] = T
         task_status.started(("", 0))
         return
     token = token_of(farm.config)
-    app = make_app(farm.core, now=farm.now, poke=farm.driver.poke, token=token.value, read_token=token.read)
+    app = make_app(
+        farm.core,
+        now=farm.now,
+        poke=farm.driver.poke,
+        token=token.value,
+        read_token=token.read,
+        states=farm.states,
+    )
     token_place: dict[str, str] = {}
     if token.file is not None:
         token_place["token_file"] = str(token.file)

@@ -118,5 +118,6 @@ CONVEYOR = Behaviour(
         ),
     ),
     state=5 + PARTS,
+    counts={4: PARTS},
     step=step_conveyor,
 )

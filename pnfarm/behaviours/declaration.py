@@ -20,12 +20,12 @@ It allocates nothing, and it keeps every value finite where its inputs are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
 __all__ = ["Behaviour", "Parameter", "Port", "bit", "choice", "duration", "number", "quantity"]
 
@@ -68,6 +68,8 @@ class Behaviour:
     parameters: tuple[Parameter, ...]
     state: int
     step: Callable[[Any, Any, float], None]
+    #: Numbers of its state that count places of its memory, and the most of each.
+    counts: Mapping[int, int] = field(default_factory=dict, hash=False)
 
     @property
     def port_lists(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:

@@ -27,6 +27,8 @@ __all__ = [
     "MemoryAway",
     "MemoryBack",
     "RealTimeOptionRefused",
+    "StateRestored",
+    "StateSaved",
 ]
 
 
@@ -197,3 +199,17 @@ class CarrierNotChanged(Event):
     """An injection could not pull or plug the drive's cable."""
 
     reason: str
+
+
+@event("state saved")
+class StateSaved(Event):
+    """The state of the whole farm was saved under this name."""
+
+    state: str
+
+
+@event("state restored", "warning")
+class StateRestored(Event):
+    """The whole farm was switched off and on, and has a saved state."""
+
+    state: str

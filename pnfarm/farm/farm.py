@@ -56,6 +56,8 @@ from pnfarm.farm.plant import plant_of
 from pnfarm.farm.process.open_files import raise_file_limit
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.shard import Shard, parse_shard, part_of
+from pnfarm.farm.state.files import FOLDER
+from pnfarm.farm.state.states import SavedStates
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.joined import JoinedLink, lines_of
@@ -227,6 +229,16 @@ class Farm:
         if self._core is None:
             raise ConfigError("the farm is not running: use it inside `async with`")
         return self._core
+
+    @property
+    def states(self) -> SavedStates:
+        """The saved states of the running farm, in its `state` folder."""
+        folder = self.config.state_directory
+        if folder is not None:
+            folder /= FOLDER
+            if self.shard is not None:
+                folder /= f"shard-{str(self.shard).replace('/', '-')}"
+        return SavedStates(self.core, folder, self.now, self.poke)
 
     @property
     def driver(self) -> RealTimeDriver | MemoryDriver:

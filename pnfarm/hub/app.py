@@ -13,6 +13,7 @@ from pnfarm.hub.hosts.farm import HubItself
 from pnfarm.hub.hosts.faults import HubFaults
 from pnfarm.hub.hosts.plant import HubPlant
 from pnfarm.hub.hosts.scenarios import HubScenarios
+from pnfarm.hub.hosts.states import HubStates
 from pnfarm.hub.hosts.streams import HubStreams
 from pnfarm.hub.hosts.traces import HubTraces
 from pnfarm.hub.hub import RefusedError, passed_on
@@ -39,6 +40,7 @@ def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None =
         faults=faults,
         scenarios=HubScenarios(hub, faults),
         traces=HubTraces(hub),
+        states=HubStates(hub),
         farm=HubItself(hub),
         streams=HubStreams(hub, views),
         plant=HubPlant(hub),

@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field
 
 from pnfarm.api.paths.farm import Findings, Health, Reactions, Ready
 from pnfarm.api.paths.faults import Fault, Faults, Reset, Targets
+from pnfarm.api.paths.states import SavedState, SavedStates
 from pnfarm.api.paths.traces import Traces
 from pnfarm.api.schemas.device import DeviceRow, DevicesView, StationsView, StationView
 from pnfarm.api.schemas.drive import Drive
@@ -42,6 +43,14 @@ class HubDrive(Drive):
 class HubFarmView(FarmView, _Partial):
     model_config = ConfigDict(title="HubFarmView")
     drives: tuple[HubDrive, ...]
+
+
+class HubState(SavedState):
+    shard: str
+
+
+class HubStates(SavedStates, _Partial):
+    states: list[HubState]  # type: ignore[assignment]  # each of them has its shard besides
 
 
 class HubStation(StationView):
@@ -163,6 +172,10 @@ DESCRIBED = {
         "End every injected fault on every shard",
         _whole_or_not(HubReset, "Shards did not answer: their faults may be in force."),
     ),
+    "get_states": Described("Every saved state of every shard; one is whole with the part of each", {200: HubStates}),
+    "put_state": Described("Save the state of every shard under this name"),
+    "post_restore": Described("Put every shard into a saved state, once each says that it can"),
+    "delete_state": Described("Delete a saved state of every shard"),
     "get_traces": Described("Every trace of every shard and its progress, without samples", {200: HubTraces}),
     "post_trace": Described("Start a trace, of drives and devices of one shard"),
     "version": Described("Version of the hub"),

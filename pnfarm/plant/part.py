@@ -117,6 +117,20 @@ class PortSignals:
         """None: faults act on the signals of stations."""
         return ()
 
+    def state(self) -> dict[str, Any]:
+        """What is written and forced, as plain JSON; the values themselves are the plant's."""
+        return {"written": dict(self._written), "forced": dict(self._forced)}
+
+    def take_state(self, state: Mapping[str, Any], *, check: bool = False) -> None:
+        """What :meth:`state` gave; ``check``: only look whether it fits.  Raises :class:`SignalError`."""
+        written, forced = state.get("written"), state.get("forced")
+        if not isinstance(written, dict) or not isinstance(forced, dict):
+            raise SignalError([("written", "and forced are no mappings of ports", "")])
+        written, forced = self._checked(written), self._checked(forced)
+        if not check:
+            self._written, self._forced = written, forced
+            self._changes += 1
+
     def _apply(self, names: Any) -> None:
         for name in names:
             value = self._forced.get(name, self._written.get(name, 0.0))

@@ -52,11 +52,12 @@ class Plant:
         self._engine = columns.engine[0]
         self._left_out = 0
         self._in_real_time = late is not None
-        self._table = PlantTable(plan, axes, signals, columns)
+        #: Its rows, for a saved state.
+        self.table = PlantTable(plan, axes, signals, columns)
         python = [model for model in plan.models.values() if isinstance(model.what, ModelClass)]
-        self.python = PythonModels(python, self._table.values, self._carried, late=late)
+        self.python = PythonModels(python, self.table.values, self._carried, late=late)
         fmus = [model for model in plan.models.values() if isinstance(model.what, FmuModel)]
-        self.fmus = FmuModels(fmus, self._table.values, self._carried, late=late)
+        self.fmus = FmuModels(fmus, self.table.values, self._carried, late=late)
         #: Inputs of stations, and the numbers of their values.
         self._written: dict[str, list[tuple[Signal, int]]] = {}
         self._targets: set[int] = set()
@@ -66,27 +67,32 @@ class Plant:
                 self._targets.add(end)
             elif not end.is_axis:
                 signal = signals[end.station].signal(end.signal)
-                number = self._table.outlets[end.station, end.signal]
+                number = self.table.outlets[end.station, end.signal]
                 self._written.setdefault(end.station, []).append((signal, number))
         wired = frozenset(self._targets)
         #: The models, by name.
-        self.parts = {name: PlantPart(model, self._table.values, wired) for name, model in plan.models.items()}
+        self.parts = {name: PlantPart(model, self.table.values, wired) for name, model in plan.models.items()}
 
     @property
     def row(self) -> Any:
         """Its row of :data:`pnfarm.table.plant.PLANT`."""
-        return self._table.row[0]
+        return self.table.row[0]
 
     @property
     def steps(self) -> int:
         """Steps so far."""
         return int(self.row.steps)
 
+    @property
+    def fmu_names(self) -> list[str]:
+        """Models that are FMUs: what is inside them is in processes of their own."""
+        return [name for name, model in self.plan.models.items() if isinstance(model.what, FmuModel)]
+
     def start(self, now: int) -> None:
         """Have the engine step it from its next tick on."""
         self.python.start(now)
         self.fmus.start(now)
-        self._table.attach()
+        self.table.attach()
 
     def _carried(self, now: int, event: Event) -> None:
         """An event of a model in Python."""
@@ -117,7 +123,7 @@ class Plant:
         row = self.row
         # before the values are read: what changes from now on is reported again
         row.taken = row.reported
-        values = self._table.values
+        values = self.table.values
         for station, written in self._written.items():
             self._signals[station].take({signal.name: _fitting(signal, float(values[n])) for signal, n in written})
         left_out = int(self._engine.plant_late)

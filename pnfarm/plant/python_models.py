@@ -8,22 +8,27 @@ again; its outputs stay.
 from __future__ import annotations
 
 import math
+import threading
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.errors import ConfigError
 from pnfarm.plant.events import PlantModelFailed, PlantModelLate
 from pnfarm.plant.python_file import ModelClass
+from pnfarm.plant.python_state import check_state, put_state, state_of
 from pnfarm.user_code.file import error_text, place_of, placed
 from pnfarm.user_code.worker import Call, Worker
+from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
     from pnfarm.plant.plan import PlannedModel
     from pnfarm.station.event import Event
 
 __all__ = ["PythonModels", "is_reported"]
+
+_T = TypeVar("_T")
 
 #: Longest call.
 LIMIT_NS = 1_000_000_000
@@ -92,6 +97,8 @@ class PythonModels:
         self._note = note
         self._late = late
         self._worker = Worker()
+        #: Who calls models: their thread, or who saves or restores them.
+        self._calling = threading.Lock()
 
     def __len__(self) -> int:
         return len(self._models)
@@ -107,6 +114,10 @@ class PythonModels:
 
     def service(self, now: int) -> None:
         """Make the steps that are due."""
+        with self._calling:
+            self._step(now)
+
+    def _step(self, now: int) -> None:
         due = [model for model in self._models if not model.failure and model.due_ns <= now]
         while due:
             calls = [Call(partial(model.step, (now - model.last_ns) / 1e9)) for model in due]
@@ -121,6 +132,56 @@ class PythonModels:
                     continue
                 self._done(model, call, now, gone=call is late)
             due = rest
+
+    def states(self) -> tuple[dict[str, Any], list[str]]:
+        """The state of each by name, and a sentence for whatever is not in it.  Raises :class:`ConfigError`."""
+        found: dict[str, Any] = {}
+        sentences: list[str] = []
+        for model in self._models:
+            state, left_out = self._called(model, "saved", partial(state_of, model.model))
+            found[model.name] = state
+            if left_out:
+                sentences.append(f"{model.name}: {shortened(left_out)} of {model.file.name} cannot be saved")
+        return found, sentences
+
+    def check_states(self, states: Any) -> None:
+        """Whether :meth:`put_states` takes these; raises :class:`ConfigError`."""
+        if not isinstance(states, dict) or states.keys() != {model.name for model in self._models}:
+            raise ConfigError("the models in Python are others")
+        for model in self._models:
+            try:
+                check_state(model.model, states[model.name])
+            except ConfigError as exc:
+                raise ConfigError(f"plant model {model.name}: {exc}") from exc
+
+    def put_states(self, states: Mapping[str, Any], now: int) -> None:
+        """Put back what :meth:`states` gave, of all or of none.  Raises :class:`ConfigError`."""
+        before, _ = self.states()
+        for number, model in enumerate(self._models):
+            try:
+                self._called(model, "restored", partial(put_state, model.model, states[model.name]))
+            except ConfigError:
+                for earlier in self._models[:number]:
+                    self._called(earlier, "restored", partial(put_state, earlier.model, before[earlier.name]))
+                raise
+        for model in self._models:
+            model.last_ns, model.due_ns, model.failure = now, now + model.step_ns, ""
+
+    def _called(self, model: _Model, what: str, action: Callable[[], _T]) -> _T:
+        """The result of a model's own code; raises :class:`ConfigError`."""
+        found: list[_T] = []
+        call = Call(lambda: found.append(action()))
+        if not self._calling.acquire(timeout=LIMIT_NS / 1e9):
+            raise ConfigError(f"plant model {model.name} cannot be {what}: it is busy")
+        try:
+            if (late := self._worker.run([call], LIMIT_NS)) is not None:
+                self._worker = Worker()
+        finally:
+            self._calling.release()
+        if late is not None or call.error is not None:
+            why = error_text(call.error) if call.error is not None else f"no return within {LIMIT_NS / 1e9:g} s"
+            raise ConfigError(f"plant model {model.name} cannot be {what}: {why}")
+        return found[0]
 
     def close(self) -> None:
         """End the thread of the models."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -42,11 +42,21 @@ if TYPE_CHECKING:
     from pnfarm.station.plain_signals import PlainSignals
     from pnfarm.table.access.places import Place
 
-__all__ = ["PlantTable"]
+__all__ = ["PlantCopies", "PlantTable"]
 
 _FORMS = {"number": WIRE_NUMBER, "bit": WIRE_BIT, "inverted": WIRE_INVERTED}
 #: Fields of a probe's row that a place has.
 _PLACED = ("source", "word", "less", "shift", "mask", "sign", "scale", "row", "octets", "big", "received")
+
+
+class PlantCopies(NamedTuple):
+    """Copies of the arrays that steps change, and the time of the last step."""
+
+    values: Any
+    memory: Any
+    behaviours: Any
+    couplings: Any
+    last_ns: int
 
 
 class PlantTable:
@@ -120,6 +130,25 @@ class PlantTable:
         engine.plant_step_ns = self._step_ns
         # set last: from now on the engine looks at the others
         engine.plant_call = address_of(take_step, PLANT)
+
+    # -- its state
+
+    def copies(self) -> PlantCopies:
+        """All that steps change, copied; to be called between two steps."""
+        return PlantCopies(
+            self.values.copy(),
+            self.memory.copy(),
+            self._behaviours.copy(),
+            self._couplings.copy(),
+            int(self.row[0].last_ns),
+        )
+
+    def put_back(self, copies: PlantCopies) -> None:
+        """Copies that were changed; to be called between two steps."""
+        self.values[:], self.memory[:] = copies.values, copies.memory
+        self._behaviours[:], self._couplings[:] = copies.behaviours, copies.couplings
+        # all inputs of stations are reported again
+        self._outlets["seen"] = 0
 
     def _place(self, station: str, signal: str) -> Place:
         axis = self._axes.get(station)

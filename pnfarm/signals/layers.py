@@ -68,6 +68,16 @@ class InputLayers:
         self._forced = reduce(or_, (self._bits(signal) for signal, _ in self.forced.values()), 0)
         self.revision += 1
 
+    def state(self) -> tuple[bytes, int]:
+        """What is written, and the bits that somebody wrote."""
+        return self.written, self._set
+
+    def put_state(self, written: bytes, bits: int, forced: Mapping[str, tuple[Signal, Value]]) -> None:
+        """What :meth:`state` gave, and the inputs that are forced instead of those that are."""
+        self.written, self._set = written, bits
+        self.forced = dict(forced)
+        self.force({})
+
     def put(self, signal: Signal, shape: Shape) -> None:
         """The latest shape of an input sees what those before it give."""
         self.shapes.append((signal, shape))

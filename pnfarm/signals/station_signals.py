@@ -6,6 +6,7 @@ written waits while a fault, a user's force or the plant has the input (:mod:`pn
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from pnfarm.signals.layers import EVERY, InputLayers
@@ -131,6 +132,29 @@ class StationSignals:
     def forced(self) -> dict[str, Value]:
         """The inputs that are forced, and their values, which a fault may overrule."""
         return {name: value for name, (_, value) in self._layers.forced.items()}
+
+    # -- its state
+
+    def state(self) -> dict[str, object]:
+        """What is written, hexadecimal, and forced; faults and the plant are not part of it."""
+        octets, bits = self._layers.state()
+        return {"written": octets.hex(), "set": f"{bits:x}", "forced": self.forced}
+
+    def take_state(self, state: Mapping[str, object], *, check: bool = False) -> None:
+        """What :meth:`state` gave; ``check``: only look whether it fits.  Raises :class:`SignalError`."""
+        written, bits, forced = (state.get(key) for key in ("written", "set", "forced"))
+        size = len(self._layers.written)
+        if not isinstance(written, str) or not re.fullmatch(rf"[0-9a-f]{{{2 * size}}}", written):
+            raise SignalError([("written", f"is {shown(written)}", f"{size} octets of inputs, hexadecimal")])
+        if not isinstance(bits, str) or not re.fullmatch(rf"[0-9a-f]{{1,{2 * size or 1}}}", bits):
+            raise SignalError([("set", f"is {shown(bits)}", f"at most {size} octets of bits, hexadecimal")])
+        if not isinstance(forced, dict):
+            raise SignalError([("forced", f"is {shown(forced)}", "a mapping of signals")])
+        values = self._checked(forced)
+        if not check:
+            inputs = {signal.name: (signal, value) for signal, value in values.items()}
+            self._layers.put_state(bytes.fromhex(written), int(bits, 16), inputs)
+            self.apply()
 
     # -- shapes of faults
 

@@ -284,6 +284,11 @@ class StationNode:
             return False
         return True
 
+    def replace_memory(self, values: dict[str, Any]) -> None:
+        """Other contents of non-volatile memory, from the next power-on on.  Raises :class:`EnvironmentError_`."""
+        self._memory.save(self.configured_name, values)
+        self.kept = dict(values)
+
     @property
     def can_save(self) -> bool:
         """Whether non-volatile memory can be written now, as far as is known."""

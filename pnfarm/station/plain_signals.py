@@ -61,6 +61,12 @@ class PlainSignals(NamedSignals, Protocol):
     def take(self, values: Mapping[str, Value]) -> None:
         """Values of the plant for inputs of the controller."""
 
+    def state(self) -> Mapping[str, Any]:
+        """What is written, hexadecimal, and forced."""
+
+    def take_state(self, state: Mapping[str, Any], *, check: bool = False) -> None:
+        """What :meth:`state` gave; ``check``: only look whether it fits."""
+
     def put_shape(self, signal: Any, shape: Callable[[Value], Value]) -> None:
         """From now on the controller gets what this makes of an input."""
 

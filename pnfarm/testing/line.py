@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.config.known import catalogue
 from pnfarm.controller.line import VirtualLine
+from pnfarm.controller.moment import Moment
 from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import load_farm, parse_farm
@@ -152,6 +153,29 @@ class Line(BlockingFace[Drive]):
             lambda: all(d.state == "S4" for d in self._drives.values()), within, what="operation of every drive"
         )
 
+    # -- back to a moment
+
+    def save(self) -> Moment:
+        """This moment of the whole line: drives, devices, plant, faults, controllers with their programs, the time.
+
+        Its ``left_out`` are the kinds of objects of one's own programs and models that it cannot save.  Raises
+        :class:`ConfigError` for a plant with FMUs, which are processes of their own.
+        """
+        self._check_open()
+        if self.core.plant is not None and (fmus := self.core.plant.fmu_names):
+            raise ConfigError(f"a line with FMUs cannot go back to a moment: {', '.join(fmus[:8])} cannot")
+        return Moment(self._line)
+
+    def restore(self, moment: Moment) -> None:
+        """Back to a moment of this line, also in time: what follows is what followed then.
+
+        Raises :class:`ConfigError` for one of another line.
+        """
+        self._check_open()
+        if not moment.is_of(self._line):
+            raise ConfigError("this moment is of another line: a line goes back to its own only")
+        moment.restore()
+
     # -- drives
 
     @property
@@ -189,7 +213,13 @@ class Line(BlockingFace[Drive]):
         self._check_open()
         manager = self.core.injections
         injection = manager.inject(fields_of(kind, on, options), self.now_ns)
-        return Fault(injection, lambda wanted: manager.clear(wanted, self.now_ns))
+
+        def clear(wanted: str) -> None:
+            # the line may have gone back to a moment before it
+            if any(one is injection for one in manager.list()):
+                manager.clear(wanted, self.now_ns)
+
+        return Fault(injection, clear)
 
     def reset(self) -> None:
         """End every injection."""

@@ -33,6 +33,7 @@ from pnfarm.wire.octets import Reader
 from tests.fuzz.mutate import variation, varied_lines, varied_xml
 from tests.fuzz.plugging import describe_everything, plug_every_module, plug_everything
 from tests.fuzz.projects import import_caex, import_hwl, import_l5x
+from tests.fuzz.states import check_changed, saved_states
 
 __all__ = ["Parser", "parsers"]
 
@@ -283,4 +284,5 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
     for name, call, vary in (("caex", import_caex, varied_xml), ("l5x", import_l5x, varied_xml),
                              ("hwl", import_hwl, varied_lines)):  # fmt: skip
         found[f"project.{name}"] = Parser(f"project.{name}", call, layers.get(name, ()), vary)
+    found["state.check_state"] = Parser("state.check_state", check_changed, saved_states(), varied_lines)
     return sorted(found.values(), key=lambda parser: parser.name)

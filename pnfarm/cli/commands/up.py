@@ -97,6 +97,10 @@ def up(
         str | None,
         setting("--shard", "PNFARM_UP_SHARD", "Run only part I of N of the drives, I from 1.", metavar="I/N"),
     ] = None,
+    restore: Annotated[
+        str | None,
+        setting("--restore", "PNFARM_UP_RESTORE", "Begin in this saved state (`pnfarm state save`).", metavar="NAME"),
+    ] = None,
     pcap: Annotated[
         Path | None,
         _capturing("--pcap", "PNFARM_UP_PCAP", "Capture the frames of the drives to this pcapng file.", metavar="OUT"),
@@ -140,9 +144,9 @@ def up(
 
     Options override environment variables, and these override the farm file: PNFARM_UP_API, PNFARM_UP_API_TOKEN,
     PNFARM_UP_LINK_PARENT, PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO and
-    PNFARM_UP_REALTIME_MLOCKALL; PNFARM_UP_SHARD is --shard.  For the capture options: PNFARM_UP_PCAP,
-    PNFARM_UP_PCAP_DRIVES, PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and PNFARM_UP_PCAP_FILES; separate several values
-    with spaces.
+    PNFARM_UP_REALTIME_MLOCKALL; PNFARM_UP_SHARD is --shard, PNFARM_UP_RESTORE --restore.  For the capture options:
+    PNFARM_UP_PCAP, PNFARM_UP_PCAP_DRIVES, PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and PNFARM_UP_PCAP_FILES; separate
+    several values with spaces.
     """
     import anyio
 
@@ -155,7 +159,7 @@ def up(
     config = _overridden(context, read(file), context.params)
     check_impairments(config)
     capture = capture_settings(pcap, pcap_drives, pcap_only, pcap_size, pcap_files)
-    anyio.run(_run, config, shard_option(context, shard), capture, backend_options=LOOKING)
+    anyio.run(_run, config, shard_option(context, shard), capture, restore, backend_options=LOOKING)
 
 
 def capture_settings(
@@ -202,7 +206,7 @@ def _bracketed(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
-async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings | None) -> None:
+async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings | None, restore: str | None) -> None:
     import anyio
 
     from pnfarm.api import serve_farm
@@ -231,6 +235,8 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
                     prepare()
                 with _starting(len(farm.drives) + len(farm.devices)):
                     await farm.open()
+                    if restore is not None:
+                        await farm.states.restore(restore)
                 async with anyio.create_task_group() as tasks:
                     host, port = await tasks.start(serve_farm, farm)
                     keep_what_is_loaded()

@@ -322,6 +322,18 @@ class ParameterStore:
         """
         return self._values.restore(kept)
 
+    def in_force(self) -> dict[str, Any]:
+        """As :meth:`snapshot`, the values in force."""
+        return self._values.in_force()
+
+    def check_in_force(self, kept: Mapping[str, Any]) -> None:
+        """Whether this model can have these; raises :class:`ParameterError` or :class:`ConfigError`."""
+        StoredValues(self.model).put_in_force(kept)
+
+    def put_in_force(self, kept: Mapping[str, Any]) -> None:
+        """Put what :meth:`in_force` gave in force, of a drive that was switched on; raises as the check does."""
+        self._replace(lambda: self._values.put_in_force(kept))
+
     def commission(self, values: Mapping[str | int, int | Sequence[int]]) -> None:
         """Permanent values by number or name, as a farm file gives them; in force with :meth:`power_on`.
 
@@ -513,6 +525,9 @@ class ParameterStore:
         """Replace all values in RAM; not in operation, where ramps and units would jump."""
         if self.handle.in_operation:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
+        self._replace(replace)
+
+    def _replace(self, replace: Callable[[], None]) -> None:
         before = (self.telegram_number, self.output_words(), self.input_words())
         replace()
         self._apply_all()

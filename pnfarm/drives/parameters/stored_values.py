@@ -156,18 +156,36 @@ class StoredValues:
 
     def snapshot(self) -> dict[str, Any]:
         """The permanent values as plain JSON: what the farm keeps for this drive."""
+        return self._as_plain(self.permanent, self.permanent_tasks)
+
+    def in_force(self) -> dict[str, Any]:
+        """The same of the values in force."""
+        return self._as_plain(self.current, self.tasks)
+
+    def _as_plain(self, values: Mapping[int, Value], tasks: Mapping[int, Mapping[int, int]]) -> dict[str, Any]:
         kept: dict[str, Any] = {
             "model": self.model.name,
             "parameters": {
-                str(pnu): list(value) if isinstance(value, tuple) else value for pnu, value in self.permanent.items()
+                str(pnu): list(value) if isinstance(value, tuple) else value for pnu, value in values.items()
             },
         }
-        if self.permanent_tasks:
+        if tasks:
             kept["motion_tasks"] = {
-                str(number): {str(pnu): raw for pnu, raw in task.items()}
-                for number, task in self.permanent_tasks.items()
+                str(number): {str(pnu): raw for pnu, raw in task.items()} for number, task in tasks.items()
             }
         return kept
+
+    def put_in_force(self, kept: Mapping[str, Any]) -> None:
+        """Put what :meth:`in_force` gave in force, all of it or nothing.
+
+        Raises :class:`ParameterError` or :class:`ConfigError` for what this model cannot have.
+        """
+        parameters, tasks = kept.get("parameters"), kept.get("motion_tasks", {})
+        if not isinstance(parameters, Mapping) or not isinstance(tasks, Mapping):
+            raise ConfigError("`parameters` and `motion_tasks` are no mappings")
+        values = dict(self._fitting(str(key), value, permanent=False) for key, value in parameters.items())
+        found = dict(self._fitting_task(str(number), task) for number, task in tasks.items())
+        self.current, self.tasks = values, found
 
     def restore(self, kept: Mapping[str, Any] | None) -> list[str]:
         """Take over a :meth:`snapshot`; None keeps the factory values.
@@ -190,16 +208,17 @@ class StoredValues:
         tasks = kept.get("motion_tasks")
         for number, task in tasks.items() if isinstance(tasks, Mapping) else ():
             try:
-                self._keep_task(str(number), task)
+                place, found = self._fitting_task(str(number), task)
+                self.permanent_tasks[place] = found
             except (ParameterError, ConfigError, ValueError) as exc:
                 refused.append(f"kept motion task {number}: {exc}")
         return refused
 
-    def _keep_task(self, number: str, task: Any) -> None:
+    def _fitting_task(self, number: str, task: Any) -> tuple[int, dict[int, int]]:
         wanted = self.model.motion_tasks
         if wanted is None or not isinstance(task, Mapping):
             raise ConfigError("this model keeps no such task")
-        if not 0 <= int(number) < MOTION_TASKS:
+        if not (number.isascii() and number.isdigit() and len(number) < 4 and int(number) < MOTION_TASKS):
             raise ConfigError(f"its number is not within 0..{MOTION_TASKS - 1}")
         found: dict[int, int] = {}
         for pnu in wanted.contents:
@@ -208,15 +227,20 @@ class StoredValues:
             if not parameter.minimum <= value <= parameter.maximum:
                 raise refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, 0)
             found[pnu] = value
-        self.permanent_tasks[int(number)] = found
+        return int(number), found
 
     def keep(self, key: str | int, value: Any) -> None:
         """Check one permanent value, by number or name, and take it over; raises :class:`ParameterError`."""
+        pnu, fitting = self._fitting(key, value, permanent=True)
+        self.permanent[pnu] = fitting
+
+    def _fitting(self, key: str | int, value: Any, *, permanent: bool) -> tuple[int, Value]:
+        """A value of a file as the store has it; raises :class:`ParameterError`."""
         parameter, subindex = self.model.resolve(key)
         target = self.model.canonical(parameter)
         if subindex:
             raise refusal(ParameterErrorNumber.ADDRESS_IMPERMISSIBLE, parameter)
-        if not target.nonvolatile or not self.model.writable(key):
+        if permanent and not (target.nonvolatile and self.model.writable(key)):
             raise refusal(ParameterErrorNumber.NOT_CHANGEABLE, parameter, 0)
         values = _as_list(value, parameter)
         if len(values) > max(parameter.elements, 1):
@@ -225,16 +249,13 @@ class StoredValues:
             if not parameter.allows(number):
                 raise refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, index)
         if target.elements and target.backing in {Backing.STORED, Backing.FIELD}:
-            self.permanent[target.pnu] = tuple(values) + target.defaults[len(values) :]
-            return
+            return target.pnu, tuple(values) + target.defaults[len(values) :]
         if target.text:
             if not bytes(values).isascii():
                 raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter)
-            self.permanent[target.pnu] = tuple(values) + (0,) * (target.elements - len(values))
-            return
+            return target.pnu, tuple(values) + (0,) * (target.elements - len(values))
         if target.elements:
-            self.permanent[target.pnu] = mapping_numbers(self.model, target, values)
-            return
+            return target.pnu, mapping_numbers(self.model, target, values)
         if target.argument == "telegram":
             check_telegram(self.model, target, values[0])
-        self.permanent[target.pnu] = values[0]
+        return target.pnu, values[0]

@@ -78,10 +78,10 @@ else:
 
     def call_at(address: int, row: Any, now: int) -> None:
         """Call the function at an address with a row and a time."""
-        _functions[address - 1](row, now)
+        _functions[int(address) - 1](row, now)
 
     def array_at(address: int, count: int, kind: Any) -> Any:
         """The array of ``count`` elements at an address; ``kind``: their type."""
-        octets = (ctypes.c_uint8 * (count * np.dtype(kind).itemsize)).from_address(address)
+        octets = (ctypes.c_uint8 * (int(count) * np.dtype(kind).itemsize)).from_address(int(address))
         found = np.frombuffer(octets, kind)
         return found if found.dtype.names is None else found.view(np.dtype((np.record, found.dtype)), np.recarray)
