@@ -15,11 +15,12 @@ from asyncua.common.connection import TransportLimits
 from asyncua.common.utils import ServiceError
 from asyncua.server.binary_server_asyncio import BinaryServer, OPCUAProtocol
 from asyncua.server.internal_server import InternalServer
-from asyncua.server.internal_session import InternalSession
 from asyncua.server.server import Server
 
 if TYPE_CHECKING:
     import socket
+
+    from asyncua.server.internal_session import InternalSession
     from collections.abc import Callable
 
 __all__ = ["MOST_ITEMS", "MOST_OPERATIONS", "BoundedInternalServer", "BoundedServer", "transport_limits"]
@@ -97,6 +98,7 @@ class BoundedInternalServer(InternalServer):
 class _Protocol(OPCUAProtocol):
     """One connection: no more octets than a chunk has wait for the rest of it, and none for a client that stalls."""
 
+    _buffer: bytes
     _stalled: asyncio.TimerHandle | None = None
 
     def data_received(self, data: bytes) -> None:

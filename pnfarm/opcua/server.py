@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from asyncua import ua
 
@@ -51,15 +51,11 @@ class FarmServer:
         self._name = config.farm or "farm"
         self._access = Access(section, password_of(config, section))
         # a class of this server's own: what its sessions need is the class's
-        self._session = type("_Session", (FarmSession,), {})
+        self._session: Any = type("_Session", (FarmSession,), {})
         self._server = BoundedServer(found, BoundedInternalServer(self._access, self._session))
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stopped: asyncio.Event | None = None
         self._stopping = False
-
-    def close(self) -> None:
-        """Listen no more."""
-        self._found.close()
 
     def stop(self) -> None:
         """End :meth:`run`; from any thread."""
@@ -104,7 +100,7 @@ class FarmServer:
                 stopping.cancel()
                 await server.stop()
         finally:
-            self.close()
+            self._found.close()
 
     async def _secure(self) -> None:
         section, server = self._section, self._server

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from anyio.abc import TaskStatus
 
     from pnfarm.farm.farm import Farm
-    from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.opcua.server import FarmServer
 
 __all__ = ["prepare_opcua", "serve_opcua"]
@@ -29,32 +28,39 @@ __all__ = ["prepare_opcua", "serve_opcua"]
 _GRACE_SECONDS = 3.0
 
 
-async def prepare_opcua(config: FarmConfig) -> FarmServer | None:
+async def prepare_opcua(farm: Farm) -> FarmServer | None:
     """What serves a farm as its file's ``opcua`` section says; None where that is ``off``.
 
     To be called before the farm starts: the address space of the standard takes seconds.  Raises
     :class:`EnvironmentError_` with what is missing.
     """
-    if (section := config.opcua) is None:
+    section = farm.config.opcua
+    if section is None:
         return None
     if find_spec("asyncua") is None:
         raise EnvironmentError_("opcua: needs `pip install 'pnfarm[opcua]'`")
     # what asyncua logs of a client's requests is the client's doing, and has no bound
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)
+    found = listen(*section.listen, what="the OPC UA server", key="opcua")
+
+    async def close() -> None:
+        found.close()
 
     async def prepared() -> FarmServer:
         from pnfarm.opcua.server import FarmServer  # noqa: PLC0415 - an extra
 
-        server = FarmServer(config, section, listen(*section.listen, what="the OPC UA server", key="opcua"))
-        try:
-            await server.prepare()
-        except BaseException:
-            server.close()
-            raise
+        server = FarmServer(farm.config, section, found)
+        await server.prepare()
         return server
 
-    # a loop of its own, for nothing of the server is bound to one before it runs
-    return await asyncio.to_thread(asyncio.run, prepared())
+    try:
+        # a loop of its own, for nothing of the server is bound to one before it runs
+        server = await asyncio.to_thread(asyncio.run, prepared())
+    except BaseException:
+        found.close()
+        raise
+    farm.on_close.append(close)
+    return server
 
 
 async def serve_opcua(

@@ -120,7 +120,7 @@ class FarmSession(InternalSession):
         await self.nodes.refresh(nodes)
         results: list[Any] = [None] * len(items)
         left = max(0, MOST_ITEMS - self.nodes.items)
-        taken = []
+        taken: list[int] = []
         for number, item in enumerate(items):
             code = _unmonitored(item, self.nodes.point(item.ItemToMonitor.NodeId) is not None)
             if not code and len(taken) >= left:

@@ -236,7 +236,7 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
             with running:
                 farm.check_rights()  # checked before compiling, which may take a minute
                 await compile_ahead(in_memory=isinstance(config.link, MemoryLink))
-                opcua = await prepare_opcua(config)
+                opcua = await prepare_opcua(farm)
                 if capture is not None:
                     prepare()
                 with _starting(len(farm.drives) + len(farm.devices)):
