@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def farm(folder):
-    certificate, key = certify(folder, "urn:pnfarm:cell")
+    certificate, key = certify(folder, "urn:pnfarm:opcua-cell")
     section = (
         f"{{listen: '127.0.0.1:0', interval: 20ms, user: {USER}, password: {PASSWORD}, "
         f"certificate: {certificate.name}, key: {key.name}}}"
@@ -89,7 +89,7 @@ class Notified:
 @pytest.mark.asyncio
 async def test_a_client_finds_drives_devices_and_the_plant_by_browsing(farm):
     async with client_of(farm) as client:
-        path = ["0:Objects", "2:Farm", "2:cell"]
+        path = ["0:Objects", "2:Farm", "2:opcua-cell"]
         cell = await client.nodes.root.get_child(path)
         assert [(await each.read_browse_name()).Name for each in await cell.get_children()] == [
             "Drives",
@@ -177,7 +177,7 @@ async def test_the_writing_user_sets_inputs_of_devices_and_free_inputs_of_the_pl
         assert await node(client, "island-1.pressure").read_value() == 6.5
         assert farm.call(farm.farm.core.device("island-1").signals.owner, "pressure") == "value"
         await node(client, "tank.input").write_value(3.0)
-        await until(lambda: _rounded(client, "tank.output"), 6.0)
+        await until(lambda: _rounded(client, "tank.value"), 6.0)
         await node(client, "tank.input").write_value(0.0)
     assert "signals written by a client" in farm.events()
 
@@ -214,11 +214,9 @@ async def test_what_a_user_forces_stays_and_a_written_value_waits_behind_it(farm
     async with client_of(farm, USER) as client:
         await node(client, "island-1.part_present").write_value(False)
         farm.force("island-1", {"part_present": True})
-        written = ua.WriteValue(
-            NodeId_=ua.NodeId("island-1.part_present", 2),
-            AttributeId=ua.AttributeIds.Value,
-            Value=ua.DataValue(ua.Variant(False, ua.VariantType.Boolean)),
-        )
+        written = ua.WriteValue()
+        written.NodeId, written.AttributeId = ua.NodeId("island-1.part_present", 2), ua.AttributeIds.Value
+        written.Value = ua.DataValue(ua.Variant(False, ua.VariantType.Boolean))
         (status,) = await client.uaclient.write(ua.WriteParameters(NodesToWrite=[written]))
         assert status.name == "GoodCompletesAsynchronously"
         await until(node(client, "island-1.part_present").read_value, True)
@@ -264,7 +262,7 @@ async def test_a_drive_without_power_has_bad_values(farm):
         seen = Notified()
         subscription = await client.create_subscription(20, seen)
         await subscription.subscribe_data_change(node(client, "axis-01.powered"))
-        farm.call(farm.farm.inject, {"kind": "power-cycle", "on": "axis-01", "off_time": "1s"})
+        farm.call(farm.farm.inject, {"kind": "power-cycle", "on": "axis-01", "params": {"off": "1s"}})
         await until(lambda: status_of(client, "axis-01.velocity"), "BadOutOfService")
         assert await node(client, "axis-01.state").read_value() == "off"
         await until(lambda: status_of(client, "axis-01.velocity"), "Good")
@@ -279,8 +277,8 @@ async def test_a_client_that_asks_for_too_much_is_refused(farm):
             await client.read_values(wanted)
         assert type(refused.value).__name__ == "BadTooManyOperations"
         subscription = await client.create_subscription(0, Notified())
-        # no faster than the farm's interval
-        assert subscription.parameters.RequestedPublishingInterval == 0
+        # what the client got instead: the farm's interval
+        assert subscription.parameters.RequestedPublishingInterval == 20.0
         deadband = ua.DataChangeFilter(DeadbandType=1, DeadbandValue=5.0)
         refused = await subscription._subscribe(  # the public call takes no filter of one's own
             [node(client, "axis-01.velocity")], ua.AttributeIds.Value, mfilter=deadband
@@ -360,9 +358,10 @@ class _Failing:
 def test_a_server_that_fails_is_an_event_and_the_farm_goes_on():
     with opcua_farm("off", server=_Failing()) as running:
         ends = time.monotonic() + 5
-        while "opc ua failed" not in [each.text for each in running.farm.log.entries()] and time.monotonic() < ends:
+        while "opc ua failed" not in running.events() and time.monotonic() < ends:
             time.sleep(0.02)
-        assert running.events()[-1].reason == "RuntimeError: broken"
+        (failed,) = [each.what for each in running.farm.log.entries() if each.event == "opc ua failed"]
+        assert failed.reason == "RuntimeError: broken"
         before = running.call(running.farm.now)
         time.sleep(0.05)
         assert running.call(running.farm.now) > before

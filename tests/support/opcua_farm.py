@@ -17,7 +17,7 @@ from pnfarm.station.event_log import EventLog
 
 USER, PASSWORD = "scada", "a-long-secret"  # a test's, nobody's
 OPCUA_CELL = (
-    CELL
+    CELL.replace("farm: cell", "farm: opcua-cell")
     + """
 api: off
 plant:
