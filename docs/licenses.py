@@ -22,6 +22,8 @@ NOTES = {
     "pyroute2": "taken under GPL-2.0-or-later",
     "structlog": "taken under MIT",
     "packaging": "taken under BSD-2-Clause",
+    "asyncua": "never in one process with scapy: imported for a farm's `opcua` alone",
+    "opcua": "a client in tests",
     "psycopg": "never in one process with scapy: imported for a `state` in PostgreSQL alone",
     "psycopg-binary": "never in one process with scapy",
     "prometheus-client": "never in one process with scapy",

@@ -29,6 +29,7 @@ LOCKS = {
         "cpppo>=5.2.5,<6",
         "greenery>=2.1,<3",
         "industriagents-profinet-mcp",
+        "opcua>=0.98.13,<0.99",
         "pyprofibus>=1.13,<2",
         "uphy-upgen>=1.1,<2",
     ],

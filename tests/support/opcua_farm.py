@@ -89,8 +89,6 @@ def certify(folder, name):
     certificate, secret = folder / f"{name.rpartition(':')[2]}.pem", folder / f"{name.rpartition(':')[2]}.key.pem"
     certificate.write_bytes(made.public_bytes(serialization.Encoding.PEM))
     secret.write_bytes(
-        key.private_bytes(
-            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
-        )
+        key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
     )
     return certificate, secret
