@@ -19,9 +19,9 @@ from asyncua.server.server import Server
 
 if TYPE_CHECKING:
     import socket
+    from collections.abc import Callable
 
     from asyncua.server.internal_session import InternalSession
-    from collections.abc import Callable
 
 __all__ = ["MOST_ITEMS", "MOST_OPERATIONS", "BoundedInternalServer", "BoundedServer", "transport_limits"]
 

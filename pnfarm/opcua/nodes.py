@@ -31,6 +31,8 @@ __all__ = ["NAMESPACE", "FarmNodes"]
 NAMESPACE = "urn:pnfarm:farm"
 #: Values read in one action in the farm's loop.
 _AT_ONCE = 200
+#: Owners whose signals are listed in one.
+_OWNERS_AT_ONCE = 16
 _VALUE = ua.AttributeIds.Value
 _EMPTY = {"Boolean": False, "String": "", "ByteString": b"", "Double": 0.0, "Float": 0.0}
 
@@ -45,7 +47,7 @@ class FarmNodes:
         self._carrier = carrier
         self._interval = interval_ns / 1e9
         #: Owners without their signals so far.
-        self._folded: dict[str, Node] = {}
+        self._folded: set[str] = set()
         self._owners: set[str] = set()
         self._known: dict[ua.NodeId, Point] = {}
         self._read_at: dict[ua.NodeId, float] = {}
@@ -64,7 +66,7 @@ class FarmNodes:
                 folders[folder] = await self._folder(root, f"/{folder}", folder)
             made = await folders[folder].add_object(self._id(name), ua.QualifiedName(name, self._index))
             await _describe(made, kind)
-            self._folded[name] = made
+            self._folded.add(name)
         self._owners = set(self._folded)
 
     def point(self, node: ua.NodeId) -> Point | None:
@@ -73,43 +75,71 @@ class FarmNodes:
 
     async def prepare(self, nodes: Iterable[ua.NodeId]) -> None:
         """Make what is asked for and is not there yet."""
+        names = [
+            node.Identifier
+            for node in nodes
+            if node.NamespaceIndex == self._index and isinstance(node.Identifier, str) and node not in self._known
+        ]
+        if not names:
+            return
         async with self._lock:
-            for node in nodes:
-                if node.NamespaceIndex == self._index and isinstance(node.Identifier, str) and node not in self._known:
-                    await self._unfold(node.Identifier)
+            found = {name: owner for name in names if (owner := self._owner_of(name)) is not None}
+            folded = [owner for owner in dict.fromkeys(found.values()) if owner in self._folded]
+            for begin in range(0, len(folded), _OWNERS_AT_ONCE):
+                part = folded[begin : begin + _OWNERS_AT_ONCE]
+                made = await self._carrier(lambda part=part: [self._points.points_of(o) for o in part])  # type: ignore[misc]
+                for owner, points in zip(part, made, strict=True):
+                    await self._add(owner, points)
+                    self._folded.discard(owner)
+            bits = [(o, n[len(o) + 1 :]) for n, o in found.items() if n != o and self._id(n) not in self._known]
+            for owner, bit in bits:
+                if (point := await self._carrier(lambda o=owner, b=bit: self._points.bit(o, b))) is not None:  # type: ignore[misc]
+                    await self._add(owner, [point])
 
     async def prepare_names(self, names: Iterable[str]) -> None:
         """The same for owners by their names."""
         await self.prepare([self._id(name) for name in names if name in self._folded])
 
-    async def _unfold(self, name: str) -> None:
-        owner = next((o for o in _beginnings(name) if o in self._owners), None)
-        if owner is None:
-            return
-        if (parent := self._folded.get(owner)) is not None:
-            for point in await self._carrier(lambda: self._points.points_of(owner)):
-                await self._variable(parent, point)
-            del self._folded[owner]
-        signal = name[len(owner) + 1 :]
-        if signal and self._id(name) not in self._known:
-            bit = await self._carrier(lambda: self._points.bit(owner, signal))
-            if bit is not None:
-                await self._variable(self._server.get_node(self._id(owner)), bit)
+    def _owner_of(self, name: str) -> str | None:
+        return next((each for each in _beginnings(name) if each in self._owners), None)
 
-    async def _variable(self, parent: Node, point: Point) -> None:
-        node, kind = self._id(point.name), ua.VariantType[point.type]
-        browse = ua.QualifiedName(point.signal, self._index)
-        made = await parent.add_variable(node, browse, _EMPTY.get(point.type, 0), kind)
-        if point.writable:
-            await made.set_writable()
-        await _describe(made, point.doc)
-        if point.unit:
-            await made.add_property(
-                self._id(f"{point.name}/EngineeringUnits"),
-                ua.QualifiedName("EngineeringUnits", 0),
-                engineering_units(point.unit),
-            )
-        self._known[node] = point
+    async def _add(self, owner: str, points: Sequence[Point]) -> None:
+        """Nodes of an owner's signals, with their units; other clients are served before the next owner's."""
+        items = []
+        for point in points:
+            kind = ua.VariantType[point.type]
+            empty = ua.Variant(_EMPTY.get(point.type, 0), kind)
+            items.append(self._item(owner, point.name, ua.QualifiedName(point.signal, self._index), empty, point))
+            if point.unit:
+                units = ua.Variant(engineering_units(point.unit), ua.VariantType.ExtensionObject)
+                name = ua.QualifiedName("EngineeringUnits", 0)
+                items.append(self._item(point.name, f"{point.name}/EngineeringUnits", name, units))
+        for result in await self._server.iserver.isession.add_nodes(items):
+            result.StatusCode.check()
+        self._known.update({self._id(point.name): point for point in points})
+        await asyncio.sleep(0)
+
+    def _item(
+        self, parent: str, name: str, browse: ua.QualifiedName, value: ua.Variant, point: Point | None = None
+    ) -> ua.AddNodesItem:
+        """A variable of a point, or a property with the units of one."""
+        access = ua.AccessLevel.CurrentRead.mask
+        if point is not None and point.writable:
+            access |= ua.AccessLevel.CurrentWrite.mask
+        item, has = ua.AddNodesItem(), ua.VariableAttributes()
+        item.RequestedNewNodeId, item.ParentNodeId, item.BrowseName = self._id(name), self._id(parent), browse
+        item.NodeClass = ua.NodeClass.Variable
+        kind = ua.ObjectIds.BaseDataVariableType if point else ua.ObjectIds.PropertyType
+        item.TypeDefinition = ua.NodeId(kind)
+        item.ReferenceTypeId = ua.NodeId(ua.ObjectIds.HasComponent if point else ua.ObjectIds.HasProperty)
+        has.DisplayName = ua.LocalizedText(browse.Name)
+        has.Description = ua.LocalizedText(point.doc if point else "")
+        has.Value, has.ValueRank, has.ArrayDimensions = value, ua.ValueRank.Scalar, None
+        has.DataType = ua.NodeId(value.VariantType.value if point else ua.ObjectIds.EUInformation)
+        has.AccessLevel = has.UserAccessLevel = access
+        has.WriteMask, has.UserWriteMask, has.Historizing = 0, 0, False
+        item.NodeAttributes = has
+        return item
 
     async def refresh(self, nodes: Iterable[ua.NodeId]) -> None:
         """Read the values of those that are older than the interval, and report changes to subscribers."""
