@@ -68,6 +68,8 @@ def test_ci_tests_what_the_image_installs():
 
 def test_every_supported_python_has_a_version_of_each_package():
     """A package that is listed more than once has conditions that leave no supported version out."""
+    # what asyncua takes from the standard library in newer ones
+    of_older = {"wait-for2": {"3.12", "3.13"}}
     for name in LOCKS:
         text = (ROOT / "locks" / name).read_text("utf-8")
         lines = [Requirement(line) for line in re.findall(r"^([a-z0-9.-]+==[^\\\n]+)", text, re.MULTILINE)]
@@ -76,7 +78,7 @@ def test_every_supported_python_has_a_version_of_each_package():
             for version in ("3.11", "3.12", "3.13"):
                 machine = {"python_version": version, "python_full_version": f"{version}.1", "sys_platform": "linux"}
                 fits = sum(marker is None or marker.evaluate(machine) for marker in markers)
-                assert fits == 1, (package, version)
+                assert fits == (version not in of_older.get(package, ())), (package, version)
 
 
 @pytest.mark.parametrize("text", PROJECT["project"]["dependencies"])

@@ -31,8 +31,6 @@ __all__ = ["NAMESPACE", "FarmNodes"]
 NAMESPACE = "urn:pnfarm:farm"
 #: Values read in one action in the farm's loop.
 _AT_ONCE = 200
-#: Owners whose signals are listed in one.
-_OWNERS_AT_ONCE = 16
 _VALUE = ua.AttributeIds.Value
 _EMPTY = {"Boolean": False, "String": "", "ByteString": b"", "Double": 0.0, "Float": 0.0}
 
@@ -61,7 +59,7 @@ class FarmNodes:
         root = await self._folder(objects, "/Farm", "Farm")
         root = await self._folder(root, f"/Farm/{farm}", farm)
         folders: dict[str, Node] = {}
-        for folder, name, kind in await self._carrier(self._points.owners):
+        for folder, name, kind in self._points.owners():
             if folder not in folders:
                 folders[folder] = await self._folder(root, f"/{folder}", folder)
             made = await folders[folder].add_object(self._id(name), ua.QualifiedName(name, self._index))
@@ -84,16 +82,13 @@ class FarmNodes:
             return
         async with self._lock:
             found = {name: owner for name in names if (owner := self._owner_of(name)) is not None}
-            folded = [owner for owner in dict.fromkeys(found.values()) if owner in self._folded]
-            for begin in range(0, len(folded), _OWNERS_AT_ONCE):
-                part = folded[begin : begin + _OWNERS_AT_ONCE]
-                made = await self._carrier(lambda part=part: [self._points.points_of(o) for o in part])  # type: ignore[misc]
-                for owner, points in zip(part, made, strict=True):
-                    await self._add(owner, points)
+            for owner in dict.fromkeys(found.values()):
+                if owner in self._folded:
+                    await self._add(owner, self._points.points_of(owner))
                     self._folded.discard(owner)
             bits = [(o, n[len(o) + 1 :]) for n, o in found.items() if n != o and self._id(n) not in self._known]
             for owner, bit in bits:
-                if (point := await self._carrier(lambda o=owner, b=bit: self._points.bit(o, b))) is not None:  # type: ignore[misc]
+                if (point := self._points.bit(owner, bit)) is not None:
                     await self._add(owner, [point])
 
     async def prepare_names(self, names: Iterable[str]) -> None:

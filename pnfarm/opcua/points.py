@@ -1,6 +1,7 @@
 """What of a farm is a node with a value: signals of axes and devices, ports of the plant's models.
 
-Everything here is called in the farm's event loop.  A status is the name of a status code (OPC 10000-4, 7.39).
+Values are read and written in the farm's event loop; which there are does not change.  A status is the name of a status
+code (OPC 10000-4, 7.39).
 """
 
 from __future__ import annotations
