@@ -125,7 +125,7 @@ def test_the_licences_of_the_project_and_of_scapy_are_named():
     assert "pnfarm itself is GPL-2.0-or-later" in text
     assert "`pnfarm decode` together with scapy is therefore under the terms of version 2 alone" in text
     # whoever asks for a version of the GPL that decode's process cannot have is told
-    apart = {"prometheus-client", "opentelemetry-api", "junitparser"}
+    apart = {"prometheus-client", "opentelemetry-api", "junitparser", "sortedcontainers", "tzdata", "wait-for2"}
     assert {name for name, terms in rows().items() if name in licenses.pinned("runtime.txt") and alone(terms)} == apart
 
 
