@@ -19,9 +19,10 @@ unexport PYTHONDONTWRITEBYTECODE
 # Another GSDML parser, without its dependencies, which are for a server that no test starts; and the package that
 # contains PI's schema of GSDML files, without its program, which needs an older pydantic and is not used.
 # pyprofibus, a PROFIBUS master, has no need of what else its package asks for.
+# opcua, a client of OPC UA, is the older code of asyncua's makers.
 # cpppo, an EtherNet/IP client, wants a licence's checker that it does not need, and the greenery of its time.
 # axe-playwright-python holds the rules of accessibility as one file, which a browser runs.
-PEERS := "axe-playwright-python>=0.1.8,<1" "cpppo>=5.2.5,<6" "greenery>=2.1,<3" "industriagents-profinet-mcp" "pyprofibus>=1.13,<2" "uphy-upgen>=1.1,<2"
+PEERS := "axe-playwright-python>=0.1.8,<1" "cpppo>=5.2.5,<6" "greenery>=2.1,<3" "industriagents-profinet-mcp" "opcua>=0.98.13,<0.99" "pyprofibus>=1.13,<2" "uphy-upgen>=1.1,<2"
 # An EtherNet/IP scanner whose package has the name of another one's.
 APART := "cm-ethernetip<0.2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
@@ -109,7 +110,7 @@ lock: | $(BIN)/python
 	$(PIP) --upgrade pip
 	$(PIP) --group lock
 	$(UV) pyproject.toml --group build --group docs --group lint --group test -o locks/ci.txt
-	$(UV) pyproject.toml --extra postgres -c locks/ci.txt -o locks/runtime.txt
+	$(UV) pyproject.toml --extra opcua --extra postgres -c locks/ci.txt -o locks/runtime.txt
 	$(UV) --group build -c locks/ci.txt -o locks/build.txt
 	printf '%s\n' $(PEERS) | $(UV) --no-deps - -o locks/peers.txt
 	printf '%s\n' $(APART) | $(UV) --no-deps - -o locks/apart.txt

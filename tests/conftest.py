@@ -39,7 +39,8 @@ EXCLUSIVE = (
     "cli/test_cli_run_rigs.py", "cli/test_cli_running.py",
     "engine/test_engine_realtime.py", "engine/test_engine_replay.py", "farm/test_farm_library.py",
     "farm/test_postgres_memory.py", "library/test_library_real.py", "testing/test_pytest_examples.py",
-    "faults/test_fault_real_link.py", "interop", "links", "soak/test_soak_real.py", "test_rig_dashboards.py",
+    "faults/test_fault_real_link.py", "interop", "links", "opcua/test_opcua_farm.py",
+    "soak/test_soak_real.py", "test_rig_dashboards.py",
     "test_rig_files.py",
 )  # fmt: skip
 #: Files in those folders that live in memory and virtual time after all.

@@ -68,16 +68,19 @@ class Contained:
                 raise
 
 
-def listen(host: str, port: int) -> socket.socket:
-    """A listening socket; raises :class:`EnvironmentError_` with the reason and a remedy."""
+def listen(host: str, port: int, *, what: str = "the API", key: str = "api") -> socket.socket:
+    """A listening socket; raises :class:`EnvironmentError_` with the reason and a remedy.
+
+    ``what`` is to listen, as ``key`` of the farm file says.
+    """
     where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         found = socket.socket(family, kind, protocol)
     except socket.gaierror as exc:
-        raise EnvironmentError_(f"{host!r} is not an address of this machine ({exc}); set api: HOST:PORT") from exc
+        raise EnvironmentError_(f"{host!r} is not an address of this machine ({exc}); set {key}: HOST:PORT") from exc
     except OSError as exc:
-        raise EnvironmentError_(f"the API cannot listen on {where}: {exc.strerror}") from exc
+        raise EnvironmentError_(f"{what} cannot listen on {where}: {exc.strerror}") from exc
     try:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         found.bind(address)
@@ -86,12 +89,12 @@ def listen(host: str, port: int) -> socket.socket:
     except OSError as exc:
         found.close()
         reasons = {
-            errno.EADDRINUSE: "another program (another farm?) uses this port; set another one under api:",
-            errno.EACCES: "ports below 1024 need CAP_NET_BIND_SERVICE; set a higher one under api:",
+            errno.EADDRINUSE: f"another program (another farm?) uses this port; set another one under {key}:",
+            errno.EACCES: f"ports below 1024 need CAP_NET_BIND_SERVICE; set a higher one under {key}:",
             errno.EADDRNOTAVAIL: "no interface of this machine has this address",
         }
         why = reasons.get(exc.errno or 0, str(exc))
-        raise EnvironmentError_(f"the API cannot listen on {where}: {why}") from exc
+        raise EnvironmentError_(f"{what} cannot listen on {where}: {why}") from exc
     return found
 
 

@@ -26,6 +26,8 @@ __all__ = [
     "LineReady",
     "MemoryAway",
     "MemoryBack",
+    "OpcUaFailed",
+    "OpcUaListening",
     "RealTimeOptionRefused",
     "StateRestored",
     "StateSaved",
@@ -92,6 +94,20 @@ class ApiListening(Event):
     url: str
     token: str | None = shown(always=False, default=None)
     token_file: str | None = shown(always=False, default=None)
+
+
+@event("opc ua listening")
+class OpcUaListening(Event):
+    """The address of the OPC UA server."""
+
+    url: str
+
+
+@event("opc ua failed", "error")
+class OpcUaFailed(Event):
+    """The OPC UA server has ended; the farm keeps running."""
+
+    reason: str
 
 
 @event("capture started")

@@ -39,6 +39,7 @@ _SETTINGS: Mapping[str, tuple[str, str, str]] = {
     "api": ("api", "--api", "PNFARM_UP_API"),
     "token": ("api.token", "--api-token", "PNFARM_UP_API_TOKEN"),
     "read_token": ("api.read_token", "--api-read-token", "PNFARM_UP_API_READ_TOKEN"),
+    "opcua": ("opcua", "--opcua", "PNFARM_UP_OPCUA"),
     "parent": ("link.parent", "--parent", "PNFARM_UP_LINK_PARENT"),
     "state": ("state", "--state", "PNFARM_UP_STATE"),
     "cpu": ("realtime.cpu", "--realtime-cpu", "PNFARM_UP_REALTIME_CPU"),
@@ -64,6 +65,10 @@ def up(
             "Bearer token that may read and change nothing.",
             metavar="TOKEN",
         ),
+    ] = None,
+    opcua: Annotated[
+        str | None,
+        setting("--opcua", "PNFARM_UP_OPCUA", "Address of an OPC UA server; off for none.", metavar="HOST:PORT"),
     ] = None,
     parent: Annotated[
         str | None,
@@ -143,7 +148,7 @@ def up(
     """Run a farm in the foreground until Ctrl-C; its interfaces are always removed at the end.
 
     Options override environment variables, and these override the farm file: PNFARM_UP_API, PNFARM_UP_API_TOKEN,
-    PNFARM_UP_LINK_PARENT, PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO and
+    PNFARM_UP_OPCUA, PNFARM_UP_LINK_PARENT, PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO and
     PNFARM_UP_REALTIME_MLOCKALL; PNFARM_UP_SHARD is --shard, PNFARM_UP_RESTORE --restore.  For the capture options:
     PNFARM_UP_PCAP, PNFARM_UP_PCAP_DRIVES, PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and PNFARM_UP_PCAP_FILES; separate
     several values with spaces.
@@ -154,7 +159,7 @@ def up(
     from pnfarm.links.serial.eager_loop import LOOKING
 
     # they are read from the context
-    del api, token, read_token, parent, state, cpu, fifo, mlockall
+    del api, token, read_token, opcua, parent, state, cpu, fifo, mlockall
     require_address_space(ENGINE)
     config = _overridden(context, read(file), context.params)
     check_impairments(config)
@@ -186,6 +191,9 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
         if name == "api" and config.api is not None and value != "off":
             # the address changes, the token stays
             config = config.with_overrides({"api": {"listen": value, **_secret(config)}}, origin)
+        elif name == "opcua" and config.opcua is not None and config.opcua.model_fields_set - {"listen"}:
+            # the same: users and certificate stay
+            config = config.with_overrides({"opcua" if value == "off" else "opcua.listen": value}, origin)
         elif name in {"token", "read_token"}:
             listen = "" if config.api is None else f"{_bracketed(config.api.host)}:{config.api.port}"
             if not listen:
@@ -218,6 +226,7 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
     from pnfarm.farm.capture import prepare
     from pnfarm.farm.farm import Farm
     from pnfarm.farm.process.garbage import keep_what_is_loaded
+    from pnfarm.opcua import prepare_opcua, serve_opcua
     from pnfarm.station.event_log import EventLog
 
     token_of(config)  # report a capture file that cannot be created before any interface is made
@@ -231,6 +240,7 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
             with running:
                 farm.check_rights()  # checked before compiling, which may take a minute
                 await compile_ahead(in_memory=isinstance(config.link, MemoryLink))
+                opcua = await prepare_opcua(farm)
                 if capture is not None:
                     prepare()
                 with _starting(len(farm.drives) + len(farm.devices)):
@@ -239,6 +249,7 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
                         await farm.states.restore(restore)
                 async with anyio.create_task_group() as tasks:
                     host, port = await tasks.start(serve_farm, farm)
+                    await tasks.start(serve_opcua, farm, opcua)
                     keep_what_is_loaded()
                     _say_up(farm, f"http://{_bracketed(host)}:{port}/" if host else None)
                     await farm.wait()

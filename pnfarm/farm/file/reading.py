@@ -105,8 +105,11 @@ class FarmConfig(FarmSections):
         """``state`` relative to the file's folder; None: it is a database, or the drives keep nothing after the run."""
         if self.state is None or self.state_database is not None:
             return None
-        base = self._path.parent if self._path is not None else Path()
-        return base / Path(self.state).expanduser()
+        return self.beside(self.state)
+
+    def beside(self, path: str) -> Path:
+        """A path of the file, relative to the file's folder."""
+        return (self._path.parent if self._path is not None else Path()) / Path(path).expanduser()
 
     @property
     def state_database(self) -> str | None:
@@ -120,8 +123,7 @@ class FarmConfig(FarmSections):
         if section is None:
             return None
         if section.token_file is not None:
-            base = self._path.parent if self._path is not None else Path()
-            return base / Path(section.token_file).expanduser()
+            return self.beside(section.token_file)
         if section.token is not None or not section.needs_token or (state := self.state_directory) is None:
             return None
         return state / "api-token"

@@ -29,6 +29,7 @@ from pnfarm.config.device import DeviceGroup
 from pnfarm.config.drive import DriveGroup
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import Link
+from pnfarm.config.opcua import DEFAULT_OPCUA_LISTEN, OpcUa, open_opcua
 from pnfarm.config.plant import PlantSection
 from pnfarm.config.section import Section
 from pnfarm.config.values import OFF, Duration, FarmName, Listen
@@ -234,6 +235,12 @@ class FarmSections(Section):
         default_factory=lambda: Api.model_validate({"listen": DEFAULT_LISTEN}),
         description="Address of the HTTP API, HOST:PORT; `off` for no API.",
         examples=[DEFAULT_LISTEN, OFF],
+    )
+    opcua: Annotated[OpcUa | None, BeforeValidator(open_opcua)] = Field(
+        default=None,
+        description="Address of the OPC UA server, HOST:PORT, or a map; `on` for the usual one. "
+        "Needs `pip install 'pnfarm[opcua]'`.",
+        examples=[DEFAULT_OPCUA_LISTEN, OFF],
     )
     realtime: Realtime = Field(default_factory=Realtime)
     lldp: bool = Field(default=True, description="Whether the drives and the controller send LLDP to their neighbours.")
