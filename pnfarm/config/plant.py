@@ -17,6 +17,8 @@ from pnfarm.vocabulary.quoting import shown
 __all__ = ["MOST_MODELS", "MOST_WIRES", "PlantModel", "PlantSection", "WireText", "read_wire"]
 
 MOST_MODELS, MOST_WIRES = 2000, 10_000
+#: Ports of a model that it may name as metrics.
+MOST_EXPORTED = 1000
 FASTEST_STEP_NS, SLOWEST_STEP_NS = 500_000, 100_000_000
 _NAME = re.compile(r"[A-Za-z_](?:[A-Za-z0-9_-]{0,62}[A-Za-z0-9_])?")
 _NUMBER = r"[-+]?[0-9]{1,15}(?:\.[0-9]{1,15})?(?:[eE][-+]?[0-9]{1,3})?"
@@ -90,6 +92,7 @@ def _within(step_ns: int) -> int:
     return step_ns
 
 
+PortName = Annotated[str, Field(min_length=1, max_length=64)]
 Step = Annotated[Duration, AfterValidator(_within)]
 Wire = Annotated[
     WireText,
@@ -124,6 +127,9 @@ class PlantModel(Section):
         default=None, alias="class", min_length=1, max_length=200, description="The class, where the file has several."
     )
     step_ns: Step | None = Field(default=None, alias="step", description="Time between its steps; the plant's.")
+    metrics: Annotated[list[PortName], Field(max_length=MOST_EXPORTED)] | bool = Field(
+        default=False, description="Ports to export as pnfarm_signal_value{station, signal}; true: all of them."
+    )
 
     @property
     def parameters(self) -> dict[str, Any]:

@@ -74,7 +74,9 @@ def test_a_filter_and_closed_models_leave_out_what_is_not_looked_at(plant):
     plant.ask("import('/page/lib/live.js').then(live => { globalThis.farmNow = () => live.farm; })")
     plant.until("farmNow().values.size === 3")
     plant.ask("type('Find a model by its name, kind or ports', 'cylinder')")
-    plant.until("all('table.ports').length === 1 && text('main').includes('1 of 3 models') && farmNow().values.size === 1")
+    plant.until(
+        "all('table.ports').length === 1 && text('main').includes('1 of 3 models') && farmNow().values.size === 1"
+    )
     plant.ask("all('details.module summary')[0].click()")
     plant.until("all('table.ports').length === 0 && farmNow().values.size === 0")
     plant.ask("type('Find a model by its name, kind or ports', '')")
