@@ -20,7 +20,7 @@ def plant(page, farm):
         call(farm, "PATCH", f"devices/{model}/signals?as=force", {"*": None})
         call(farm, "PATCH", f"devices/{model}/signals", inputs)
     show(page, "#/plant")
-    page.until("all('table.ports').length === 3 && text('main').includes('3 models, 1 wire, a step every 2 ms')")
+    page.until("all('table.plant').length === 3 && text('main').includes('3 models, 1 wire, a step every 2 ms')")
     page.until("labelled('gripper.position').textContent === '0'")
     yield page
     page.problems[:] = [one for one in page.problems if "412" not in one and "422" not in one]
@@ -75,12 +75,12 @@ def test_a_filter_and_closed_models_leave_out_what_is_not_looked_at(plant):
     plant.until("farmNow().values.size === 3")
     plant.ask("type('Find a model by its name, kind or ports', 'cylinder')")
     plant.until(
-        "all('table.ports').length === 1 && text('main').includes('1 of 3 models') && farmNow().values.size === 1"
+        "all('table.plant').length === 1 && text('main').includes('1 of 3 models') && farmNow().values.size === 1"
     )
     plant.ask("all('details.module summary')[0].click()")
-    plant.until("all('table.ports').length === 0 && farmNow().values.size === 0")
+    plant.until("all('table.plant').length === 0 && farmNow().values.size === 0")
     plant.ask("type('Find a model by its name, kind or ports', '')")
-    plant.until("all('table.ports').length === 3")
+    plant.until("all('table.plant').length === 3")
     plant.ask("all('details summary').find(one => one.textContent.startsWith('Wires')).click()")
     assert "gripper.extended -> lamp.on" in plant.ask("labelled('Wires').textContent")
 
@@ -96,7 +96,7 @@ def test_keys_reach_the_plant_and_its_filter(page):
     show(page, "#/health")
     page.ask("document.getElementById('main').focus()")
     page.key("8")
-    page.until("location.hash === '#/plant' && all('table.ports').length === 3")
+    page.until("location.hash === '#/plant' && all('table.plant').length === 3")
     page.key("/")
     page.until("document.activeElement.type === 'search'")
 

@@ -55,7 +55,7 @@ function Model({model, wires, open, turn, plots, toggle}) {
     <summary><strong>${model.name}</strong> <span class="dim">${model.kind} · ${plural(model.ports.length, "port")} · every ${time(model.step_seconds)}${model.shard ? ` · ${model.shard}` : ""}</span>
       ${model.failure ? html` <span class="bad">stopped</span>` : null}${model.missed_steps ? html` <span class="warn">${plural(model.missed_steps, "step")} missed</span>` : null}</summary>
     ${model.failure ? html`<p class="bad" role="alert">${model.name} makes no more steps: ${model.failure}</p>` : null}
-    ${open ? html`<div class="scroll" tabindex="0" role="region" aria-label=${`Ports of ${model.name}`}><table class="ports"><thead><tr>${["Port", "Direction", "Value", "Unit", "Owner", "Wires", "Plot"].map(one => html`<th key=${one} scope="col">${one}</th>`)}</tr></thead>
+    ${open ? html`<div class="scroll" tabindex="0" role="region" aria-label=${`Ports of ${model.name}`}><table class="plant"><thead><tr>${["Port", "Direction", "Value", "Unit", "Owner", "Wires", "Plot"].map(one => html`<th key=${one} scope="col">${one}</th>`)}</tr></thead>
       <tbody>${model.ports.map(port => html`<${Port} key=${port.name} model=${model.name} port=${port} wires=${wires} chosen=${plots.includes(`${model.name}.${port.name}`)} toggle=${toggle}/>`)}</tbody></table></div>
       ${model.ports.filter(port => plots.includes(`${model.name}.${port.name}`)).map(port => html`<${PortPlot} key=${port.name} model=${model.name} port=${port}/>`)}
       <p class="small"><a href=${linkOf(model.name)}>Trace of ${model.name}, with a trigger</a>${model.longest_seconds === null ? null : html` <span class="dim">longest step ${time(model.longest_seconds)}</span>`}</p>` : null}</details>`;
