@@ -52,7 +52,7 @@ def test_a_number_is_typed_forced_and_released(plant, farm):
     plant.until(f"{row('shaft.gain')}.cells[4].textContent === 'force'")
     call(farm, "PATCH", "devices/shaft/signals", {"gain": 7})
     plant.until("press('button', 'Release shaft.gain')")
-    plant.until("labelled('shaft.gain').value === '7' && labelled('shaft.twice').textContent === '14'")
+    plant.until("Number(labelled('shaft.gain').value) === 7 && labelled('shaft.twice').textContent === '14'")
     plant.until("type('shaft.gain', 'far')")
     plant.ask("labelled('shaft.gain').form.requestSubmit()")
     plant.until("text('[role=alert]').includes('is not a number')")
