@@ -37,7 +37,7 @@ _PLANT, _REAL = PLANT.dtype, np.dtype(np.float64)
 def read_words(
     probes: Any, first: int, count: int, axis_reals: Any, axis_words: Any, image_words: Any, now: int
 ) -> None:
-    """The present values of ``count`` probes but those of plain data and the plant; 0 of a place that its table does not have.
+    """The present values of ``count`` probes but those of plain data and the plant; 0 of a place outside.
 
     One loop for all of them: a call for each value, with three arrays, would cost more than the value.
     """

@@ -76,7 +76,7 @@ class TracedStations:
             raise TraceError(list(exc.issues)) from exc
 
     def _signals(self, names: Sequence[str], of: Sequence[Traced]) -> list[tuple[Traced, TraceSignal]]:
-        """The signals that names and globs choose ``of`` these, and those with the name of a device or a model before theirs.
+        """The signals that names and globs choose ``of`` these, and those with a device or a model before theirs.
 
         Raises :class:`ConfigError`.
         """

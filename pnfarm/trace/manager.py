@@ -177,8 +177,10 @@ def _values(chosen: ColumnPlace, samples: Any) -> Any:
 
 
 class TraceManager:
-    """``columns`` with room for traces; ``log`` takes their events and tells those of the drives and ``devices``; ``models`` are
-    those of the plant."""
+    """``columns`` with room for traces; ``log`` takes their events and tells those of the drives and ``devices``.
+
+    ``models`` are those of the plant.
+    """
 
     def __init__(
         self,

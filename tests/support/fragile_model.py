@@ -2,8 +2,8 @@
 
 
 class Fragile:
-    inputs = {"break_now": bool, "gain": "mm"}
-    outputs = {"twice": "mm"}
+    inputs = {"break_now": bool, "gain": "mm"}  # noqa: RUF012
+    outputs = {"twice": "mm"}  # noqa: RUF012
 
     def __init__(self):
         self.twice = 0.0

@@ -55,7 +55,9 @@ def test_ports_are_columns_beside_the_signals_of_a_drive(line: Line) -> None:
         ("lamp", "on", "bit"),
     ]  # fmt: skip
     position = got.values("position")
-    assert position[0] == 0 and position[-1] == 1 and (np.diff(position) >= 0).all()
+    assert position[0] == 0
+    assert position[-1] == 1
+    assert (np.diff(position) >= 0).all()
     # 20 ms of travel, in steps of the plant
     assert len(set(position.tolist())) == 11
     (there,) = np.flatnonzero(np.diff(got.values("extended")))

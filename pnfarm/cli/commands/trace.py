@@ -77,7 +77,7 @@ def trace(
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Record signals of drives, devices and models of the plant of the running farm, cycle by cycle, around a trigger."""
+    """Record signals of drives, devices and models of the running farm's plant, cycle by cycle, around a trigger."""
     for file in files or []:
         _check_file(file)
     most = _seconds(within)
