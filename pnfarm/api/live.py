@@ -8,7 +8,8 @@ event                 data
 ``log``               new entries of the event log; ``lost``, if the client was too slow for some
 ``drive``             of the chosen drive: its whole state, about three times a second
 ``signals``           of the chosen drive: samples of its signals since the message before (:mod:`pnfarm.trace.live`)
-``values``            of the chosen devices: signals that changed since the message before (:mod:`pnfarm.api.followed`)
+``values``            of the chosen devices and models of the plant: signals that changed since the message before
+                      (:mod:`pnfarm.api.followed`)
 ====================  =============================================================================================
 
 A message is made when the client has taken the one before, and holds what changed since: a slow client gets fewer and
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext, Context
     from pnfarm.api.events import Log
     from pnfarm.station.axis import Axis
-    from pnfarm.station.plain_signals import PlainSignals
+    from pnfarm.station.plain_signals import NamedSignals
 
 __all__ = ["LiveViews", "Page", "page_stream"]
 
@@ -126,7 +127,7 @@ class LiveViews:
         self,
         scope: Mapping[str, Any],
         station: Axis | None,
-        devices: Mapping[str, PlainSignals] | None = None,
+        devices: Mapping[str, NamedSignals] | None = None,
         *,
         overview: bool = True,
         follow: bool = True,
@@ -140,7 +141,7 @@ class LiveViews:
         page = _FarmPage(context, self._overview, scope.get(WHO) != "read_token", station, viewer, followed)
         return page_stream(context, context.core.log if overview else None, page, follow=follow)
 
-    def _changes_of(self, name: str, signals: PlainSignals) -> SignalChanges:
+    def _changes_of(self, name: str, signals: NamedSignals) -> SignalChanges:
         found = self._changes.get(name)
         if found is None:
             found = self._changes[name] = SignalChanges(signals, self._context.now)

@@ -72,14 +72,14 @@ def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]
 
 
 def complete_signal(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
-    """Devices of the running farm; behind a device and a dot its signals."""
+    """Devices and models of the plant of the running farm; behind one of them and a dot its signals."""
 
     def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
-        for device in farm.get("devices")["devices"]:
-            name = device["name"]
-            yield name, str(device["description"] or device["bus"])
+        known = {one["name"]: str(one["description"] or one["bus"]) for one in farm.get("devices")["devices"]}
+        for name, what in {**known, **{one["name"]: one["kind"] for one in farm.get("plant")["models"]}}.items():
+            yield name, what
             if incomplete.startswith(f"{name}."):
-                for signal in farm.get("devices", name)["signals"]:
+                for signal in farm.get("devices", name, "signals")["signals"]:
                     yield f"{name}.{signal['name']}", f"{signal['direction']}, {signal['type']}"
 
     return _of_farm(ctx, incomplete, words)

@@ -18,6 +18,8 @@ from pnfarm.vocabulary.quoting import shown
 __all__ = ["MOST_MODELS", "MOST_WIRES", "PlantModel", "PlantSection", "WireText", "read_wire"]
 
 MOST_MODELS, MOST_WIRES = 2000, 10_000
+#: Ports of a model that it may name as metrics.
+MOST_EXPORTED = 1000
 FASTEST_STEP_NS, SLOWEST_STEP_NS = 500_000, 100_000_000
 _NAME = re.compile(r"[A-Za-z_](?:[A-Za-z0-9_-]{0,62}[A-Za-z0-9_])?")
 _NUMBER = r"[-+]?[0-9]{1,15}(?:\.[0-9]{1,15})?(?:[eE][-+]?[0-9]{1,3})?"
@@ -114,6 +116,7 @@ OnFailure = Annotated[
     BeforeValidator(_on_failure),
     WithJsonSchema({"anyOf": [{"const": "hold"}, {"type": "object", "additionalProperties": _FMU_VALUE}]}),
 ]
+PortName = Annotated[str, Field(min_length=1, max_length=255)]
 Step = Annotated[Duration, AfterValidator(_within)]
 Wire = Annotated[
     WireText,
@@ -159,6 +162,9 @@ class PlantModel(Section):
         default=None, description="Outputs of an FMU that has failed: held, or the values of those that are named."
     )
     step_ns: Step | None = Field(default=None, alias="step", description="Time between its steps; the plant's.")
+    metrics: Annotated[list[PortName], Field(max_length=MOST_EXPORTED)] | bool = Field(
+        default=False, description="Ports to export as pnfarm_signal_value{station, signal}; true: all of them."
+    )
 
     @property
     def parameters(self) -> dict[str, Any]:

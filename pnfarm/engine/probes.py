@@ -1,4 +1,4 @@
-"""Reads probes: values of fields of the table, and of plain data, for traces and for the plant.
+"""Reads probes: values of fields of the table, of plain data, and of the plant, for traces and for the plant.
 
 A value costs a few nanoseconds: a 64-bit word of a table is read, and the field cut out of it.  Fields of at most 8
 octets lie within a word, because rows are aligned (:class:`pnfarm.table.layout.Layout`); the machine is little-endian.
@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from pnfarm.engine.channels.plain_data import plain_number
+from pnfarm.table.compiling.by_pointer import array_at
 from pnfarm.table.compiling.compiled import compiled
+from pnfarm.table.plant import PLANT
 from pnfarm.table.trace import (
     NO_AGE,
     SOURCE_AXIS_INTEGER,
@@ -21,19 +23,21 @@ from pnfarm.table.trace import (
     SOURCE_PLAIN_REAL,
     SOURCE_PLAIN_SIGNED,
     SOURCE_PLAIN_UNSIGNED,
+    SOURCE_PLANT,
 )
 
-__all__ = ["read_plain", "read_words"]
+__all__ = ["read_plain", "read_plant", "read_words"]
 
 #: Octets of a number of double precision.
 DOUBLE = 8
+_PLANT, _REAL = PLANT.dtype, np.dtype(np.float64)
 
 
 @compiled
 def read_words(
     probes: Any, first: int, count: int, axis_reals: Any, axis_words: Any, image_words: Any, now: int
 ) -> None:
-    """The present values of ``count`` probes but those of plain data; 0 of a place that its table does not have.
+    """The present values of ``count`` probes but those of plain data and the plant; 0 of a place outside.
 
     One loop for all of them: a call for each value, with three arrays, would cost more than the value.
     """
@@ -48,7 +52,7 @@ def read_words(
                 value = float(axis_reals[word])
                 if less >= 0:
                     value -= float(axis_reals[less])
-        elif source >= SOURCE_PLAIN_UNSIGNED:
+        elif source >= SOURCE_PLANT:
             continue
         else:
             bits = 0
@@ -87,3 +91,16 @@ def read_plain(probes: Any, first: int, count: int, provided: Any, consumed: Any
         else:
             value = float((bits >> np.uint64(probe.shift)) & np.int64(probe.mask).view(np.uint64))
         probe.value = value * float(probe.scale)
+
+
+@compiled
+def read_plant(probes: Any, first: int, count: int, row: int) -> None:
+    """The present values of those of ``count`` probes that are of the plant, whose row has this address."""
+    if row == 0:
+        return
+    plant = array_at(row, 1, _PLANT)[0]
+    values = array_at(plant.value, plant.value_count, _REAL)
+    for number in range(first, first + count):
+        probe = probes[number]
+        if probe.source == SOURCE_PLANT and 0 <= probe.word < values.shape[0]:
+            probe.value = values[probe.word]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.engine.probes import read_plain, read_words
+from pnfarm.engine.probes import read_plain, read_plant, read_words
 from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.engine_row import TRACE_ENDED, TRACE_TRIGGERED, emit
 from pnfarm.table.trace import (
@@ -54,9 +54,23 @@ def _fulfils(trigger: int, before: float, seen: int, value: float, level: float)
 
 
 @inlined
+def _read(
+    trace: Any, probes: Any, first: int, count: int, axis_reals: Any, axis_words: Any, image_words: Any, provided: Any,
+    consumed: Any, plant: int, now: int,
+) -> None:  # fmt: skip
+    """The present values of some of a trace's probes."""
+    read_words(probes, first, count, axis_reals, axis_words, image_words, now)
+    if trace.plain:
+        read_plain(probes, first, count, provided, consumed)
+    if trace.plant:
+        read_plant(probes, first, count, plant)
+
+
+@inlined
 def _watch_trigger(
-    trace: Any, probes: Any, axis_reals: Any, axis_words: Any, image_words: Any, provided: Any, consumed: Any, now: int
-) -> bool:
+    trace: Any, probes: Any, axis_reals: Any, axis_words: Any, image_words: Any, provided: Any, consumed: Any,
+    plant: int, now: int,
+) -> bool:  # fmt: skip
     """Whether the trigger's condition holds now; the time and the probe are then in the trace's row."""
     if trace.fire_ns != 0:
         trace.trigger_ns = trace.fire_ns
@@ -68,11 +82,9 @@ def _watch_trigger(
     if trigger == TRIGGER_EVENT:
         return False
     found = -1
-    first = int(trace.first_watched)
-    read_words(probes, first, int(trace.watched), axis_reals, axis_words, image_words, now)
-    if trace.plain:
-        read_plain(probes, first, int(trace.watched), provided, consumed)
-    for number in range(first, first + trace.watched):
+    first, watched = int(trace.first_watched), int(trace.watched)
+    _read(trace, probes, first, watched, axis_reals, axis_words, image_words, provided, consumed, plant, now)
+    for number in range(first, first + watched):
         probe = probes[number]
         value = float(probe.value)
         if found < 0 and _fulfils(trigger, float(probe.before), int(probe.seen), value, float(trace.level)):
@@ -89,7 +101,7 @@ def _watch_trigger(
 @inlined
 def _take_sample(
     trace: Any, probes: Any, ring: Any, axis_reals: Any, axis_words: Any, image_words: Any, provided: Any,
-    consumed: Any, now: int,
+    consumed: Any, plant: int, now: int,
 ) -> None:  # fmt: skip
     """One sample, in the place of the oldest if the trace's part of the ring is full."""
     width = int(trace.probes) + 1
@@ -98,9 +110,7 @@ def _take_sample(
         return
     ring[place] = float(now - trace.started_ns)
     first = int(trace.first_probe)
-    read_words(probes, first, int(trace.probes), axis_reals, axis_words, image_words, now)
-    if trace.plain:
-        read_plain(probes, first, int(trace.probes), provided, consumed)
+    _read(trace, probes, first, width - 1, axis_reals, axis_words, image_words, provided, consumed, plant, now)
     for number in range(width - 1):
         ring[place + 1 + number] = probes[first + number].value
     if now - trace.next_ns >= trace.interval_ns:
@@ -125,6 +135,7 @@ def sample(  # the arrays one by one: a named tuple of all columns costs 200 ns 
     now: int,
 ) -> None:
     """Sample every running trace for which a sample is due at ``now``, and watch its trigger in each tick."""
+    plant = int(engine.plant_row)
     for number in range(engine.trace_rows):
         trace = traces[number]
         if trace.active == 0:
@@ -140,7 +151,7 @@ def sample(  # the arrays one by one: a named tuple of all columns costs 200 ns 
             trace.trigger_probe = -1
             trace.next_ns = now
         fires = trace.state == ARMED and _watch_trigger(
-            trace, probes, axis_reals, axis_words, image_words, provided, consumed, now
+            trace, probes, axis_reals, axis_words, image_words, provided, consumed, plant, now
         )
         if fires:
             trace.state = TRIGGERED
@@ -148,7 +159,7 @@ def sample(  # the arrays one by one: a named tuple of all columns costs 200 ns 
         end = trace.trigger_ns + trace.length_ns
         over = trace.state == TRIGGERED and now >= end
         if (now >= trace.next_ns or fires) and not (over and now > end):
-            _take_sample(trace, probes, ring, axis_reals, axis_words, image_words, provided, consumed, now)
+            _take_sample(trace, probes, ring, axis_reals, axis_words, image_words, provided, consumed, plant, now)
         if over:
             trace.state = ENDED
             emit(engine, events, TRACE_ENDED, number, now, trace.head)

@@ -237,7 +237,8 @@ class FarmCore:
             log=log,
             clock=clock,
         )
-        self.traces = TraceManager(self.axes, self.devices.values(), self.columns, log)
+        parts = () if self.plant is None else self.plant.parts.values()
+        self.traces = TraceManager(self.axes, self.devices.values(), parts, self.columns, log)
         gate.set_receiver(self.receive)
         self._served: dict[int, tuple[int, Services]] = {}
         if self._sockets is not None:

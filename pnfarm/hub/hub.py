@@ -10,6 +10,7 @@ import re
 import time
 from collections import deque
 from dataclasses import dataclass
+from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import anyio
@@ -253,8 +254,11 @@ class Hub(Context):
             answer = await self.client(shard).ask("GET", f"{PREFIX}/drives")
             view = read(shard, answer, "drives", "engine", "lines", "link")
             devices = read(shard, await self.client(shard).ask("GET", f"{PREFIX}/devices"), "devices")
+            plant = await self.client(shard).ask("GET", f"{PREFIX}/plant")
+            # a farm of an older version has none
+            models = [] if plant.status == HTTPStatus.NOT_FOUND else read(shard, plant, "models")["models"]
             try:
-                self.shards.take(shard, view, devices["devices"])
+                self.shards.take(shard, view, devices["devices"], models)
             except (KeyError, TypeError) as exc:
                 raise AwayError(f"{shard.label} lists drives or devices as no farm does", slug="garbage") from exc
             shard.faults.clear()

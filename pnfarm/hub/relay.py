@@ -117,7 +117,7 @@ class Relay:
         """Raises :class:`AwayError` for a message that no farm sends."""
         try:
             device, states = data["device"], {state["name"]: state for state in data["signals"]}
-            if device not in shard.devices:
+            if device not in shard.devices and device not in shard.models:
                 raise ValueError(device)
             signals = {**self._values.get(device, ({}, {}))[1], **states}
             if len(signals) > MOST_SIGNALS:

@@ -16,7 +16,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.web.errors import NotFoundError, RequestError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Collection, Iterable, Mapping
 
 __all__ = ["KEEP_NS", "MOST_SHARDS", "AwayError", "Shard", "Shards", "no_steps"]
 
@@ -54,6 +54,8 @@ class Shard:
     view: dict[str, Any] = field(default_factory=dict)
     #: Its devices by name, and what `model:` means each by; the same for its whole run.
     devices: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    #: Of its plant: what has signals beside its devices.
+    models: set[str] = field(default_factory=set)
     #: Its faults by id as they were seen last.
     faults: dict[str, dict[str, Any]] = field(default_factory=dict)
     errors: Counter[str] = field(default_factory=Counter)
@@ -175,11 +177,19 @@ class Shards:
             self._index()
         return was_asked is not shard.asked
 
-    def take(self, shard: Shard, view: Mapping[str, Any], devices: Iterable[Mapping[str, Any]] | None = None) -> None:
-        """Its answer to ``GET drives``, and in a new run its ``devices``."""
+    def take(
+        self,
+        shard: Shard,
+        view: Mapping[str, Any],
+        devices: Iterable[Mapping[str, Any]] | None = None,
+        models: Iterable[Mapping[str, Any]] = (),
+    ) -> None:
+        """Its answer to ``GET drives``, and in a new run its ``devices`` and the ``models`` of its plant."""
+        if devices is not None:
+            shard.models = {str(one["name"]) for one in models}
         drives = {str(one["name"]): one for one in view["drives"]}
         known = shard.devices if devices is None else {str(one["name"]): tuple(one["models"]) for one in devices}
-        same = drives.keys() == shard.drives.keys() and known == shard.devices
+        same = devices is None and drives.keys() == shard.drives.keys()
         shard.drives, shard.devices = drives, known
         shard.view = {key: value for key, value in view.items() if key != "drives"}
         if not same:
@@ -191,10 +201,14 @@ class Shards:
         for shard in self._all.values():
             for name in shard.drives:
                 owners.setdefault(name, []).append(shard)
-            for name in shard.devices:
+            for name in (*shard.devices, *shard.models):
                 device_owners.setdefault(name, []).append(shard)
         self._owners, self._device_owners = _present(owners), _present(device_owners)
-        self.devices = {name: device_owners[name][0].devices[name] for name in sorted(device_owners, key=natural)}
+        self.devices = {
+            name: found[0].devices[name]
+            for name, found in sorted(device_owners.items(), key=lambda one: natural(one[0]))
+            if name in found[0].devices
+        }
         order = tuple(sorted(self._owners, key=natural))
         if order != self._order:
             self._order = order
@@ -271,8 +285,13 @@ class Shards:
             )
         return found[0]
 
+    @property
+    def with_signals(self) -> Collection[str]:
+        """Every device and every model of a plant."""
+        return self._device_owners.keys()
+
     def known_device(self, name: str) -> Shard:
-        """The shard that has a device; as :meth:`known`."""
+        """The shard that has a device or a model of the plant; as :meth:`known`."""
         return self._one_of("device", name, self._device_owners)
 
     def known_station(self, name: str) -> Shard:

@@ -1,4 +1,4 @@
-"""Signals of devices that the farm file exports (``metrics: true``); a farm without such signals has no such metric."""
+"""Signals of devices and of models of the plant that the farm file exports (``metrics: true``), and no others."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class SignalFamily:
         self._family = Family(
             "pnfarm_signal_value",
             "gauge",
-            "Value of a device's signal that the farm file exports, in its unit; a bit is 0 or 1.",
+            "Value of a signal of a device or a model that the farm file exports, in its unit; a bit is 0 or 1.",
             ("station", "signal"),
         )
         self._devices = []
-        for station, device in core.devices.items():
+        for station, device in core.signal_owners.items():
             signals = device.signals
             names = [name for name in signals.names if signals.signal(name).exported] if signals is not None else []
             for name in names:

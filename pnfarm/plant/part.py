@@ -184,11 +184,11 @@ class PlantPart:
 def port_signals(model: PlannedModel) -> dict[str, Signal]:
     """The ports of a model as signals: inputs, then outputs."""
     return {
-        **{name: _signal(port, "input") for name, (port, _) in model.inputs.items()},
-        **{name: _signal(port, "output") for name, (port, _) in model.outputs.items()},
+        **{name: _signal(port, "input", name in model.exported) for name, (port, _) in model.inputs.items()},
+        **{name: _signal(port, "output", name in model.exported) for name, (port, _) in model.outputs.items()},
     }
 
 
-def _signal(port: Port, direction: Any) -> Signal:
+def _signal(port: Port, direction: Any, exported: bool) -> Signal:
     kind = BOOL if port.form == "bit" else FLOAT64
-    return Signal(port.name, direction, 0, 0, 0, kind, None, port.unit, 1.0, "little")
+    return Signal(port.name, direction, 0, 0, 0, kind, None, port.unit, 1.0, "little", exported)

@@ -6,7 +6,7 @@ ends of wires at stations come last.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pnfarm.behaviours.catalogue import BEHAVIOURS
@@ -37,8 +37,9 @@ __all__ = ["PlannedModel", "PlannedWire", "PlantPlan", "StationEnd", "plan_plant
 
 #: Kinds of values that the plant computes with.
 _NUMBERS = frozenset({"int", "uint", "float"})
-#: Most values of a plant.
+#: Most values of a plant, and most of them that are metrics.
 MOST_VALUES = 100_000
+MOST_EXPORTED = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +54,8 @@ class PlannedModel:
     outputs: Mapping[str, tuple[Port, int]]
     #: The number of its first value.
     first: int
+    #: Ports that are metrics.
+    exported: frozenset[str] = frozenset()
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -171,7 +174,20 @@ class _Planner:
                 self._report(at, f"makes {self._values} values", f"at most {MOST_VALUES} ports of all models")
                 self._lost.add(model.name)
             else:
-                self._models[model.name] = made
+                self._models[model.name] = replace(made, exported=self._exported(at, model, made))
+        if sum(len(made.exported) for made in self._models.values()) > MOST_EXPORTED:
+            what = f"`metrics` exports more than {MOST_EXPORTED} ports"
+            self._report(("plant", "models"), what, "the ports that somebody looks at")
+
+    def _exported(self, at: tuple[str | int, ...], model: PlantModel, made: PlannedModel) -> frozenset[str]:
+        known = {**made.inputs, **made.outputs}
+        if isinstance(model.metrics, bool):
+            return frozenset(known if model.metrics else ())
+        for name in model.metrics:
+            if name not in known:
+                what = f"{model.name} has no port {shown(name)}{did_you_mean(name, known)}"
+                self._report((*at, "metrics"), what, shortened(list(known)))
+        return frozenset(model.metrics)
 
     def _model(self, at: tuple[str | int, ...], model: PlantModel) -> PlannedModel | None:
         given = [key for key in ("kind", "python", "fmu") if getattr(model, key) is not None]

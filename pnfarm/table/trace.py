@@ -42,10 +42,11 @@ SOURCE_AXIS_REAL = 0  # a field f8 of the axis table
 SOURCE_AXIS_INTEGER = 1  # a whole number in it
 SOURCE_IMAGE_INTEGER = 2  # a whole number in the image table
 SOURCE_IMAGE_AGE = 3  # the time since the time in a field of the image table, ns
-SOURCE_PLAIN_UNSIGNED = 4  # from here on in plain data: a whole number, or bits of it
-SOURCE_PLAIN_SIGNED = 5  # a whole number with a sign
-SOURCE_PLAIN_REAL = 6  # an IEEE 754 number of 4 or 8 octets
-SOURCE_PLAIN_FLAG = 7  # 1 where any bit is set
+SOURCE_PLANT = 4  # a value of the plant
+SOURCE_PLAIN_UNSIGNED = 5  # from here on in plain data: a whole number, or bits of it
+SOURCE_PLAIN_SIGNED = 6  # a whole number with a sign
+SOURCE_PLAIN_REAL = 7  # an IEEE 754 number of 4 or 8 octets
+SOURCE_PLAIN_FLAG = 8  # 1 where any bit is set
 #: That time if the field is 0: none; -1 s.
 NO_AGE = -1e9
 
@@ -64,6 +65,7 @@ TRACE = Layout(
         Field("length_ns", "i8", "ns", "station", "how long it samples from the trigger on"),
         Field("trigger", "u1", "", "station", "how it is triggered: TRIGGER_*"),
         Field("plain", "u1", "", "station", "1 = some of its probes read plain data"),
+        Field("plant", "u1", "", "station", "1 = some of its probes read values of the plant"),
         Field("level", "f8", "", "station", "level of the trigger, in the probes' unit"),
         Field("fire_ns", "i8", "ns", "station", "when the event happened that triggers it, 0 = not yet"),
         Field("started_ns", "i8", "ns", "station", "the times of its samples count from here"),
@@ -78,13 +80,19 @@ TRACE = Layout(
 
 PROBE = Layout(
     "probe",
-    "Where one sampled value comes from: a place in the table's 64-bit words, or octets of plain data.",
+    "Where one sampled value comes from: a place in the table's 64-bit words, octets of plain data, or the plant.",
     [
         Field("source", "u1", "", "station", "SOURCE_*"),
         Field("octets", "u1", "octets", "station", "how many it has in plain data"),
         Field("big", "u1", "", "station", "1 = their first one is the most significant"),
         Field("received", "u1", "", "station", "1 = plain data that the station receives"),
-        Field("word", "i4", "", "station", "64-bit word of the table with the field; of plain data its first octet"),
+        Field(
+            "word",
+            "i4",
+            "",
+            "station",
+            "64-bit word with the field; of plain data its first octet; of the plant the value's number",
+        ),
         Field("row", "i4", "", "station", "row of the plain data"),
         Field("less", "i4", "", "station", "word whose number is subtracted (f8 only), -1 = none"),
         Field("shift", "u1", "bits", "station", "lowest bit of the field in the word"),

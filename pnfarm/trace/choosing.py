@@ -15,7 +15,7 @@ from pnfarm.station.axis import axes_by_name
 from pnfarm.table import trace as codes
 from pnfarm.trace.request import TraceError
 from pnfarm.trace.signals import choose_signals, chooses_any, code_of, is_glob
-from pnfarm.trace.traced import TracedAxis, TracedDevice
+from pnfarm.trace.traced import TracedAxis, TracedDevice, TracedModel
 from pnfarm.trace.trigger import OF_DRIVES, TRIGGER, EventTrigger, SignalTrigger, read_level, read_number
 from pnfarm.vocabulary.globs import means
 from pnfarm.vocabulary.problem import Problem
@@ -25,6 +25,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shown
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from pnfarm.plant.part import PlantPart
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
     from pnfarm.table.access.places import Place
@@ -48,21 +49,23 @@ class ColumnPlace:
 
 
 class TracedStations:
-    """The axes and ``devices`` of a farm; what chooses among them raises :class:`TraceError`.
+    """The axes, ``devices`` and ``models`` of the plant of a farm; what chooses among them raises :class:`TraceError`.
 
     ``by_name`` has each of them, ``concerned`` those that an event of a drive, an axis or a device is about.
     """
 
-    def __init__(self, axes: Sequence[Axis], devices: Iterable[Station]) -> None:
+    def __init__(self, axes: Sequence[Axis], devices: Iterable[Station], models: Iterable[PlantPart]) -> None:
         self.by_name: dict[str, Traced] = {axis.configured_name: TracedAxis(axis) for axis in axes}
-        self._devices: dict[str, Traced] = {device.configured_name: TracedDevice(device) for device in devices}
+        found: dict[str, Traced] = {device.configured_name: TracedDevice(device) for device in devices}
+        #: Those whose names may be before their signals'.
+        self._named: dict[str, Traced] = {**found, **{model.configured_name: TracedModel(model) for model in models}}
         self.concerned: dict[str, list[Traced]] = {
             **{
                 name: [self.by_name[one.configured_name] for one in found] for name, found in axes_by_name(axes).items()
             },
-            **{name: [device] for name, device in self._devices.items()},
+            **{name: [device] for name, device in found.items()},
         }
-        self.by_name |= self._devices
+        self.by_name |= self._named
 
     def chosen(self, request: TraceRequest) -> list[Traced]:
         """Those that its globs mean."""
@@ -73,16 +76,16 @@ class TracedStations:
             raise TraceError(list(exc.issues)) from exc
 
     def _signals(self, names: Sequence[str], of: Sequence[Traced]) -> list[tuple[Traced, TraceSignal]]:
-        """The signals that names and globs choose ``of`` these, and those of devices whose names are before theirs.
+        """The signals that names and globs choose ``of`` these, and those with a device or a model before theirs.
 
         Raises :class:`ConfigError`.
         """
         wanted: dict[str, list[str]] = defaultdict(list)
         plain = []
         for name in names:
-            device, signal = split_name(name.strip())
-            if device in self._devices:
-                wanted[device].append(signal)
+            owner, signal = split_name(name.strip())
+            if owner in self._named:
+                wanted[owner].append(signal)
             else:
                 plain.append(name)
         known = {one.name: one.signals() for one in of}
@@ -137,14 +140,17 @@ class TracedStations:
             watched = [one for one in self.by_name.values() if means(trigger.on, one.names, one.kinds)]
             if not watched:
                 what = f"no drive matches {shown(trigger.on)}{did_you_mean(trigger.on, self.by_name)}"
-                raise TraceError([("trigger", what, "a drive, a device or a glob behind `on`")])
+                raise TraceError([("trigger", what, "a drive, a device, a model or a glob behind `on`")])
         if isinstance(trigger, EventTrigger):
+            if all(one.what == "model" for one in watched):
+                what = f"{watched[0].name} is a model of the plant, which has no event {trigger.event}"
+                raise TraceError([("trigger", what, "a comparison of a port, or `on` a drive or a device")])
             return [], 0.0, self._fault_number(trigger, watched), watched
         if not isinstance(trigger, SignalTrigger):
             return [], 0.0, None, watched
-        if trigger.on and split_name(trigger.signal)[0] in self._devices:
+        if trigger.on and split_name(trigger.signal)[0] in self._named:
             what = f"{shown(trigger.text)} names two stations"
-            raise TraceError([("trigger", what, "the device before the signal, or behind `on`")])
+            raise TraceError([("trigger", what, "the device or the model before the signal, or behind `on`")])
         with _error_of("trigger"):
             signals = self._signals([trigger.signal], watched)
         levels = {_level(trigger, signal, one) for one, signal in signals}

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pnfarm.engine.columns import Columns
+    from pnfarm.plant.part import PlantPart
     from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import EventLog, LogEntry
     from pnfarm.station.station import Station
@@ -176,11 +177,21 @@ def _values(chosen: ColumnPlace, samples: Any) -> Any:
 
 
 class TraceManager:
-    """``columns`` with room for traces; ``log`` takes their events and tells those of the drives and ``devices``."""
+    """``columns`` with room for traces; ``log`` takes their events and tells those of the drives and ``devices``.
 
-    def __init__(self, axes: Sequence[Axis], devices: Iterable[Station], columns: Columns, log: EventLog) -> None:
+    ``models`` are those of the plant.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[Axis],
+        devices: Iterable[Station],
+        models: Iterable[PlantPart],
+        columns: Columns,
+        log: EventLog,
+    ) -> None:
         self.columns = columns
-        self._stations = TracedStations(axes, devices)
+        self._stations = TracedStations(axes, devices, models)
         self._log = log
         self._traces: dict[str, Trace] = {}
         #: Rows whose end the engine has not seen -> first probe and part of the ring.
@@ -231,7 +242,7 @@ class TraceManager:
         return trace
 
     def signals(self, name: str) -> list[TraceSignal]:
-        """Those that a drive or a device of this name has.  Raises :class:`KeyError`."""
+        """Those that a drive, a device or a model of the plant of this name has.  Raises :class:`KeyError`."""
         return list(self._stations.by_name[name].signals().values())
 
     def kept(self) -> list[Trace]:
@@ -347,6 +358,7 @@ class TraceManager:
         table.ring_start, table.capacity = start, capacity
         table.interval_ns, table.length_ns = interval, request.length_ns
         table.plain = any(place.octets for place in every)
+        table.plant = any(place.source == codes.SOURCE_PLANT for place in every)
         table.trigger, table.fire_ns, table.started_ns = request.trigger.kind, 0, now
         # the engine sets them in its first step; nobody is to read those of the trace before
         table.head = table.missed = table.trigger_ns = 0

@@ -1,4 +1,4 @@
-"""What a trace samples: axes and devices, each with its signals by name."""
+"""What a trace samples: axes, devices and models of the plant, each with its signals by name."""
 
 from __future__ import annotations
 
@@ -6,18 +6,19 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.signals.device_signal import DeviceSignal
 from pnfarm.signals.places import PLAIN_SOURCES, plain_place
-from pnfarm.table.trace import SOURCE_PLAIN_UNSIGNED
+from pnfarm.table.access.places import Place
+from pnfarm.table.trace import SOURCE_PLAIN_UNSIGNED, SOURCE_PLANT
 from pnfarm.trace.signals import OF_IMAGE, TraceSignal, signals_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.plant.part import PlantPart
     from pnfarm.signals.signal import Signal
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
-    from pnfarm.table.access.places import Place
 
-__all__ = ["Traced", "TracedAxis", "TracedDevice"]
+__all__ = ["Traced", "TracedAxis", "TracedDevice", "TracedModel"]
 
 #: Octets of whole numbers that a sample, a number of double precision, holds exactly.
 _EXACT = 6
@@ -26,10 +27,10 @@ _EXACT = 6
 class Traced(Protocol):
     """``names`` and ``kinds`` are what globs find it by, as of :func:`pnfarm.vocabulary.globs.means`."""
 
-    #: ``drive`` or ``device``.
+    #: ``drive``, ``device`` or ``model``.
     what: str
     name: str
-    #: Its process image.
+    #: Its process image; None of a model.
     image: Any
 
     @property
@@ -120,6 +121,38 @@ class TracedDevice:
         if known is None or signal.place.source < SOURCE_PLAIN_UNSIGNED:
             return value
         return DeviceSignal(self.name, known.signal(signal.name)).number(value, exactly=exactly)
+
+
+class TracedModel:
+    """A model of the plant: its ports."""
+
+    what = "model"
+    image = None
+
+    def __init__(self, part: PlantPart) -> None:
+        self.name = part.configured_name
+        self.names = (self.name,)
+        self.kinds = part.kinds
+        self._signals = {
+            signal.name: TraceSignal(
+                signal.name,
+                signal.unit,
+                f"{signal.direction} of the model",
+                Place(SOURCE_PLANT, part.signals.number(signal.name), 0),
+                "bit" if signal.type.kind == "bool" else "real",
+            )
+            for signal, _, _ in part.signals.readings()
+        }
+
+    def signals(self) -> Mapping[str, TraceSignal]:
+        return self._signals
+
+    def place(self, signal: TraceSignal) -> Place:
+        return signal.place
+
+    def level(self, signal: TraceSignal, value: float, *, exactly: bool) -> float:
+        del signal, exactly
+        return value
 
 
 def _traced(signal: Signal, row: int, octet: int) -> TraceSignal:

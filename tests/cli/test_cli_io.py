@@ -89,7 +89,10 @@ def test_nothing_is_written_when_one_value_is_refused(pnfarm, world):
 @pytest.mark.parametrize(
     ("word", "sentence"),
     [
-        ("island-2", "there is no device 'island-2', did you mean island-1?; devices of this farm: island-1"),
+        (
+            "island-2",
+            "there is no device 'island-2', did you mean island-1?; devices and models of this farm: island-1",
+        ),
         ("island-2.part_present=1", "there is no device 'island-2'"),
         ("island-1=on", "island-1=on: island-1 is a device; give the signal to write, island-1.SIGNAL=VALUE"),
         ("island-1.presure", "island-1 has no signal 'presure', did you mean pressure?"),
@@ -201,7 +204,7 @@ def test_following_ends_with_the_farm(pnfarm, world, monkeypatch):
 def test_a_farm_without_devices_says_so(pnfarm, world, monkeypatch):
     stations = [station for station in world.line.farm.stations if station.axes]
     monkeypatch.setattr(world.line.farm, "stations", stations)
-    assert pnfarm("io").out == "the farm has no devices\n"
+    assert pnfarm("io").out == "the farm has no devices and no plant\n"
 
 
 @pytest.mark.usefixtures("world")

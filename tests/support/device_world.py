@@ -41,7 +41,7 @@ def add_island(farm: Any, name: str = "island-1", **more: Any) -> Any:
     farm.stations.append(found)
     # its samples are zeros: its rows are not the farm's
     stations = farm.traces._stations
-    stations.by_name[name] = stations._devices[name] = TracedDevice(found)
+    stations.by_name[name] = stations._named[name] = TracedDevice(found)
     settle = farm.settle
     # no bus carries its data
     farm.settle = lambda station, now: None if station is found else settle(station, now)

@@ -35,6 +35,14 @@ devices:
       part_present: 1.1.0.3
       pressure: {at: 3.1.0, type: int16, unit: bar, scale: 0.01}
   - {name: scanner, gsdml: SCANNER, ip: 10.0.0.91/24, signals: {MANY}}
+plant:
+  step: 2ms
+  models:
+    - {name: gripper, kind: cylinder, time: 300ms}
+    - {name: lamp, kind: lamp}
+    - {name: shaft, python: FRAGILE, step: 10ms}
+  wires:
+    - gripper.extended -> lamp.on
 controller:
   name: plc
   ip: 10.0.0.100/24
@@ -49,6 +57,7 @@ OCTETS = [f"octet_{octet}_{n}: {{at: 2.1.{octet}, type: uint8}}" for octet in ra
 for word, place in (
     ("ISLAND", GSDML / "GSDML-V2.35-Example-Island-20261127.xml"),
     ("SCANNER", GSDML / "GSDML-V2.43-Example-Scanner-20261127.xml"),
+    ("FRAGILE", Path(__file__).parent / "fragile_model.py"),
     ("MANY", ", ".join(BITS + OCTETS)),
 ):
     FARM = FARM.replace(word, str(place))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext
     from pnfarm.api.live import LiveViews
     from pnfarm.api.paths.streams import Chosen
-    from pnfarm.station.plain_signals import PlainSignals
+    from pnfarm.station.plain_signals import NamedSignals
 
 __all__ = ["FarmStreams"]
 
@@ -36,8 +36,8 @@ class FarmStreams:
         devices = self._devices(chosen.devices)
         return self._views.stream(scope, station, devices, overview=chosen.overview, follow=chosen.follow)
 
-    def _devices(self, names: tuple[str, ...]) -> dict[str, PlainSignals]:
-        core = self._context.core
+    def _devices(self, names: tuple[str, ...]) -> dict[str, NamedSignals]:
+        core, owners = self._context.core, self._context.core.signal_owners
         with named_by_path():
-            found = [one for one in core.stations if not one.axes] if ALL in names else map(core.device, names)
+            found = owners.values() if ALL in names else [owners.get(name) or core.device(name) for name in names]
             return {one.configured_name: one.signals for one in found if one.signals is not None}

@@ -43,8 +43,10 @@ class FarmTraces:
         return self._changed(self._traces.start(fields, self._context.now(), keep_ns=KEEP_NS))
 
     async def signals(self, name: str) -> dict[str, Any]:
-        found = self._context.station(name)
-        own = found.configured_name if not found.axes else self._context.axis(name).configured_name
+        own = name
+        if name not in self._context.core.signal_owners:
+            found = self._context.station(name)
+            own = found.configured_name if not found.axes else self._context.axis(name).configured_name
         return {"drive": own, "signals": [signal.as_dict() for signal in self._traces.signals(own)]}
 
     async def read(self, trace_id: str, form: Form) -> Response:

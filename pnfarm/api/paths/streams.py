@@ -79,7 +79,10 @@ def add_streams(path: Paths, streams: StreamsHost) -> None:
         drive: Annotated[str | None, Query(description="The drive in detail.")] = None,
         device: Annotated[
             list[str] | None,
-            Query(max_length=MOST_DEVICES, description=f"A device to follow the signals of; {ALL}: each."),
+            Query(
+                max_length=MOST_DEVICES,
+                description=f"A device or model of the plant to follow the signals of; {ALL}: each.",
+            ),
         ] = None,
         overview: Annotated[bool, Query(description="Also all drives at a glance, and the event log.")] = True,
         follow: Annotated[bool, Query(description="Keep sending; false: end after the first of each.")] = True,

@@ -8,12 +8,13 @@ import {Drive, TABS} from "./views/drive.js";
 import {Faults} from "./views/faults.js";
 import {Health} from "./views/health.js";
 import {Overview} from "./views/overview.js";
+import {Plant} from "./views/plant.js";
 import {Reactions} from "./views/reactions.js";
 import {Readiness} from "./views/readiness.js";
 import {Scenarios} from "./views/scenarios.js";
 import {Topology} from "./views/topology.js";
 
-const VIEWS = [["", "Overview"], ["faults", "Faults"], ["reactions", "PLC reaction"], ["topology", "Topology"], ["scenarios", "Scenarios"], ["readiness", "Readiness"], ["health", "Health"]];
+const VIEWS = [["", "Overview"], ["faults", "Faults"], ["reactions", "PLC reaction"], ["topology", "Topology"], ["scenarios", "Scenarios"], ["readiness", "Readiness"], ["health", "Health"], ["plant", "Plant"]];
 
 function readPlace() {
   const [where, query] = location.hash.replace(/^#\/?/, "").split("?");
@@ -31,6 +32,7 @@ function View({parts, query}) {
     case "reactions": return html`<${Reactions}/>`;
     case "topology": return html`<${Topology}/>`;
     case "scenarios": return html`<${Scenarios} id=${parts[1] || ""}/>`;
+    case "plant": return html`<${Plant} model=${parts[1] || ""}/>`;
     case "health": return html`<${Health}/>`;
     default: return html`<${Unknown} parts=${parts}/>`;
   }

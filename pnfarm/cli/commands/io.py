@@ -1,4 +1,4 @@
-"""``pnfarm io``: the signals of a running farm's devices."""
+"""``pnfarm io``: the signals of a running farm's devices, and the ports of its plant's models."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def io(
         list[str] | None,
         typer.Argument(
             metavar="STATION[.SIGNAL[=VALUE]]...",
-            help="A device, one of its signals, or a signal's new value; default: all of them.",
+            help="A device or a model of the plant, one of its signals, or a signal's new value; default: all of them.",
             show_default=False,
             autocompletion=complete_signal,
         ),
@@ -60,16 +60,17 @@ def io(
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """List, read, write, force or follow the signals of devices of the running farm.
+    """List, read, write, force or follow the signals of devices and of models of the plant of the running farm.
 
-    Several values for one device are written together, all or none. Inputs of the controller can be written; its
-    outputs can only be read.
+    Several values for one device are written together, all or none. Inputs of the controller, and inputs of a model
+    without a wire, can be written; outputs can only be read.
     """
     if force and release:
         raise ConfigError("--force and --release exclude each other")
     with client.FarmClient(api, token) as farm:
         listed = farm.get("devices")
-        known = [str(one["name"]) for one in listed["devices"]]
+        models = [str(one["name"]) for one in farm.get("plant")["models"]]
+        known = [*(str(one["name"]) for one in listed["devices"]), *models]
         wanted = [_parsed(word, known) for word in words or []] or [_Wanted(name) for name in known]
         for station, values in (_releases(wanted) if release else _writes(wanted)).items():
             _write(farm, station, values, "force" if force or release else "value")
@@ -83,10 +84,11 @@ def io(
                 print_line(line)
         elif known:
             print_table(
-                ("STATION", "SIGNAL", "DIRECTION", "TYPE", ">VALUE", "UNIT", "STATUS", "OWNER", "PLACE"), _rows(found)
+                ("STATION", "SIGNAL", "DIRECTION", "TYPE", ">VALUE", "UNIT", "STATUS", "OWNER", "PLACE"),
+                _rows(found, models),
             )
         else:
-            print_line("the farm has no devices")
+            print_line("the farm has no devices and no plant")
     raise_for_missing(listed if not words else {})
 
 
@@ -99,7 +101,7 @@ def _parsed(word: str, known: Sequence[str]) -> _Wanted:
     if station not in known:
         hint = did_you_mean(station, known)
         raise ConfigError(
-            f"there is no device {shown(station)}{hint}; devices of this farm: {shortened(known) or 'none'}"
+            f"there is no device {shown(station)}{hint}; devices and models of this farm: {shortened(known) or 'none'}"
         )
     if equals and not signal:
         raise ConfigError(f"{word}: {station} is a device; give the signal to write, {station}.SIGNAL=VALUE")
@@ -141,14 +143,14 @@ def _read(farm: FarmClient, wanted: Sequence[_Wanted]) -> dict[str, dict[str, An
     """By station, the wanted signals of it; raises for one that it does not have."""
     found: dict[str, dict[str, Any]] = {}
     for station in dict.fromkeys(one.station for one in wanted):
-        view = farm.get("devices", station)
+        view = farm.get("devices", station, "signals")
         names = {one["name"] for one in view["signals"]}
         chosen = {one.signal for one in wanted if one.station == station}
         for name in sorted(chosen - names - {""}):
             hint = did_you_mean(name, names) or f"; it has {shortened(sorted(names)) or 'none'}"
             raise ConfigError(f"{station} has no signal {shown(name)}{hint}")
         signals = [one for one in view["signals"] if "" in chosen or one["name"] in chosen]
-        found[station] = {"device": view["name"], "signals": signals}
+        found[station] = {"device": view["device"], "signals": signals}
     return found
 
 
@@ -162,12 +164,12 @@ def _lines(found: Mapping[str, Mapping[str, Any]]) -> Iterable[str]:
     return (_line(station, signal) for station, view in found.items() for signal in view["signals"])
 
 
-def _rows(found: Mapping[str, Mapping[str, Any]]) -> Iterable[Sequence[object]]:
+def _rows(found: Mapping[str, Mapping[str, Any]], models: Sequence[str]) -> Iterable[Sequence[object]]:
     for station, view in found.items():
         for signal in view["signals"]:
             status = "good" if signal["good"] else "bad"
             what = (signal[key] for key in ("name", "direction", "type", "shown", "unit"))
-            yield station, *what, status, signal["owner"], signal["place"]
+            yield station, *what, status, signal["owner"], "plant" if station in models else signal["place"]
 
 
 def _watch(farm: FarmClient, wanted: Sequence[_Wanted], output: Format, devices: Sequence[str]) -> None:

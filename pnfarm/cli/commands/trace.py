@@ -32,7 +32,9 @@ def trace(
     drives: Annotated[
         list[str],
         typer.Argument(
-            metavar="DRIVES", help="Drives and devices: names or globs, model:NAME, or all.", show_default=False
+            metavar="DRIVES",
+            help="Drives, devices, models of the plant: names or globs, model:NAME, or all.",
+            show_default=False,
         ),
     ],
     signals: Annotated[
@@ -75,7 +77,7 @@ def trace(
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Record signals of drives and devices of the running farm, cycle by cycle, around a trigger."""
+    """Record signals of drives, devices and models of the running farm's plant, cycle by cycle, around a trigger."""
     for file in files or []:
         _check_file(file)
     most = _seconds(within)
@@ -146,6 +148,7 @@ def _list(farm: client.FarmClient, drives: list[str], output: Format) -> None:
 
     known = {one["name"]: (one["model"],) for one in farm.get("drives")["drives"]}
     known |= {one["name"]: tuple(one["models"]) for one in farm.get("devices")["devices"]}
+    known |= {one["name"]: (one["kind"],) for one in farm.get("plant")["models"]}
     names = [name for name, models in known.items() if any(means(glob, (name,), models) for glob in drives)]
     if not names:
         raise ConfigError(f"no drive matches {' '.join(drives)}; there are {', '.join(known)}")

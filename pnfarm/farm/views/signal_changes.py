@@ -13,7 +13,7 @@ from pnfarm.farm.views.stations import signal_states
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.station.plain_signals import PlainSignals
+    from pnfarm.station.plain_signals import NamedSignals
 
 __all__ = ["SignalChanges"]
 
@@ -24,7 +24,7 @@ SHARED_NS = 50_000_000
 class SignalChanges:
     """``now`` is the farm's clock, ns.  ``revision`` is the one of the last look."""
 
-    def __init__(self, signals: PlainSignals, now: Callable[[], int]) -> None:
+    def __init__(self, signals: NamedSignals, now: Callable[[], int]) -> None:
         self._signals = signals
         self._now = now
         self._looked_ns: int | None = None

@@ -47,7 +47,7 @@ class HubTraces:
         hub.check_any()
         names = matching(wanted.on, hub.shards.known_as)
         trigger = [wanted.trigger.signal] if isinstance(wanted.trigger, SignalTrigger) else []
-        devices = {split_name(name)[0] for name in (*wanted.signals, *trigger)} & hub.shards.devices.keys()
+        devices = {split_name(name)[0] for name in (*wanted.signals, *trigger)} & set(hub.shards.with_signals)
         shards = {hub.shards.station_owner(name): None for name in (*names, *sorted(devices))}
         if len(shards) > 1:
             what = f"means stations of {len(shards)} shards ({', '.join(shard.label for shard in shards)})"

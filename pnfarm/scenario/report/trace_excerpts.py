@@ -94,8 +94,11 @@ class TraceExcerpts:
         self._drives = list(drives)[:MAX_TRACED]
         models = [station.model for station in core.axes if station.configured_name in self._drives]
         words = dict.fromkeys(word for model in models for word in profile_words(model))
-        known = {name: {one.name for one in core.traces.signals(name)} for name in self._drives if name in core.devices}
-        self._signals = [CONNECTED, *(SIGNALS if models else ()), *(f"{word}.*" for word in words)]
+        owners = core.signal_owners
+        known = {name: {one.name for one in core.traces.signals(name)} for name in self._drives if name in owners}
+        # models of the plant have their ports alone
+        connected = () if core.plant is not None and core.plant.parts.keys() >= {*self._drives} else (CONNECTED,)
+        self._signals = [*connected, *(SIGNALS if models else ()), *(f"{word}.*" for word in words)]
         # octets and texts have no trace
         self._signals += [f"{name}.{signal}" for name, signal in signals if signal in known.get(name, ())][:MAX_SIGNALS]
         self._origin_ns = now

@@ -35,6 +35,8 @@ VIEWS = {
     "#/scenarios": "Check and start",
     "#/readiness": "exchange data",
     "#/health": "This machine",
+    "#/plant": "gripper.extended",
+    "#/plant/gripper": "Trigger",
 }
 
 

@@ -111,7 +111,7 @@ def test_what_another_wrote_meanwhile_is_not_overwritten(device, farm):
     device.until("text('[role=alert]') === 'pressure is 9 meanwhile; nothing was written'")
     assert values(farm)["pressure"] == 9
     # who has read that may write over it
-    device.until("farmNow().values.states.get('pressure').shown === '9'")
+    device.until("farmNow().values.get('island').states.get('pressure').shown === '9'")
     submit(device, "pressure")
     device.until("labelled('pressure').value === '3' && all('table.values button', 'Write').length === 0")
     assert values(farm)["pressure"] == 3

@@ -10,14 +10,21 @@ const MOST_LOG = 500;
 const listeners = new Set();
 let source = null;
 let chosen = {};
+/** Names of models of the plant whose ports are shown. */
+let followed = [];
 let pending = false;
 
 export const farm = {
   connected: false, begun: 0, error: "", told: 0, name: "pnfarm", link: "", parent: null, writes: true, lines: {}, faults: {}, seconds: 0,
   drives: [], byName: new Map(), devices: [], devicesKnown: false, deviceByName: new Map(), engine: null, log: [], lost: 0, drive: null, signals: null, signalsFull: false,
-  // of the device that is looked at: its name, the ETag of these states, and the state of each signal by name
-  values: {device: "", tag: "", states: new Map()},
+  // of each device and model of the plant that is looked at: the ETag of these states, and the state of each signal by name
+  values: new Map(),
 };
+
+const NOTHING = {tag: "", states: new Map()};
+
+/** What the stream has said of the signals of a device or a model of the plant. */
+export const valuesOf = name => farm.values.get(name) || NOTHING;
 
 function blank(place) {
   return {
@@ -94,10 +101,10 @@ export async function loadDevices() {
 export const linkOf = name => `#/${farm.deviceByName.has(name) ? "device" : "drive"}/${encodeURIComponent(name)}`;
 
 function takeValues(message) {
-  if (message.device !== chosen.device) return;
-  const states = farm.values.device === message.device ? farm.values.states : new Map();
+  if (message.device !== chosen.device && !followed.includes(message.device)) return;
+  const {states} = farm.values.get(message.device) || {states: new Map()};
   for (const state of message.signals) states.set(state.name, state);
-  farm.values = {device: message.device, tag: message.tag, states};
+  farm.values.set(message.device, {tag: message.tag, states});
 }
 
 function takeLog(message) {
@@ -143,7 +150,7 @@ function pastOf(message) {
 
 /** What was written is shown before the stream has it. */
 export function takeWritten(device, state) {
-  if (farm.values.device === device) farm.values.states.set(state.name, state);
+  if (farm.values.has(device)) farm.values.get(device).states.set(state.name, state);
   tell();
 }
 
@@ -151,8 +158,9 @@ function open() {
   if (source) source.close();
   farm.drive = null;
   farm.signals = null;
-  farm.values = {device: "", tag: "", states: new Map()};
-  const stream = source = new EventSource(`/api/v1/live?${new URLSearchParams(chosen)}`);
+  for (const name of farm.values.keys()) if (!followed.includes(name)) farm.values.delete(name);
+  const query = new URLSearchParams([...Object.entries(chosen).filter(([, name]) => name), ...followed.map(name => ["device", name])]);
+  const stream = source = new EventSource(`/api/v1/live?${query}`);
   const on = (event, take) => stream.addEventListener(event, message => {
     if (stream !== source) return;
     take(JSON.parse(message.data));
@@ -179,6 +187,13 @@ export function look(wanted) {
   if (source && wanted.drive === chosen.drive && wanted.device === chosen.device) return;
   chosen = wanted;
   open();
+}
+
+/** Follow the ports of these models of the plant. */
+export function follow(names) {
+  if (names.length === followed.length && names.every((name, i) => name === followed[i])) return;
+  followed = names;
+  if (source) open();
 }
 
 /** The names of a drive's fault: [number as the manual writes it, name]. */

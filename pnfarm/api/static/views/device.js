@@ -1,7 +1,7 @@
 // One device: its identity, and its modules with their signals live; inputs of the controller can be written and forced.
 import {call, get, path} from "../lib/api.js";
 import {html, useMemo, useRef, useState} from "../lib/html.js";
-import {farm as live, linkOf, takeWritten} from "../lib/live.js";
+import {farm as live, linkOf, takeWritten, valuesOf} from "../lib/live.js";
 import {Act, Problem, Tabs, act, inject, useFarm, useLoaded} from "../lib/ui.js";
 import {hex, plural, time} from "../lib/words.js";
 import {DeviceState, deviceController} from "./devices.js";
@@ -57,7 +57,7 @@ function useWrite(device, name) {
 
 const Told = ({id, told}) => told.text ? html`<p id=${id} class=${`${told.kind} small`} role="alert">${told.text}</p>` : null;
 
-const seenNow = state => ({tag: live.values.tag, shown: state.shown});
+const seenNow = (device, state) => ({tag: valuesOf(device).tag, shown: state.shown});
 
 /** Owners that overrule what is written. */
 const OWNERS = {fault: "fault", force: "forced"};
@@ -70,46 +70,50 @@ function Marks({state, of}) {
 /** Forces an input to `value`, unless that is null, and releases a forced one; `text` is what the first of the buttons says. */
 function Force({signal, state, value, text, force}) {
   if (!live.writes) return null;
-  const button = (does, what, of) => html`<button type="button" aria-label=${`${what[0].toUpperCase()}${what.slice(1)} ${signal.name}`} title=${does} onClick=${() => force(of)}>${what}</button>`;
+  const button = (does, what, of) => html`<button type="button" aria-label=${`${what[0].toUpperCase()}${what.slice(1)} ${signal.label || signal.name}`} title=${does} onClick=${() => force(of)}>${what}</button>`;
   return html`<span class="force">${value === null ? null : button("over what is written, until it is released", text, value)}${state.forced === null ? null : button("what was written last has the signal again", "release", null)}</span>`;
 }
 
-/** One bit: a lamp, or a switch if it is an input. */
-function Bit({device, signal, state, of}) {
+/** One bit: a lamp, or a switch if it is an input; `place`: a short text before its name, which a `label` replaces where it is beside it. */
+export function Bit({device, signal, state, of, place}) {
   const [told, send] = useWrite(device, signal.name);
-  const {writes} = live, on = state.value === true, id = "why-" + signal.name;
-  const text = html`<i aria-hidden="true"></i><span class="place dim small" aria-hidden="true">${signal.place.split(".").slice(2).join(".")}</span><span class="name" title=${`${signal.name}, ${signal.place}`}>${signal.name}</span><${Marks} state=${state} of=${of}/>`;
-  return html`<li>${signal.direction === "input"
-    ? html`<button type="button" role="switch" class=${"bit" + (on ? " on" : "")} aria-checked=${String(on)} aria-describedby=${told.text ? id : null} disabled=${!writes} title=${writes ? null : "this token may read only"} onClick=${() => send(!on, seenNow(state))}>${text}<strong aria-hidden="true">${on ? 1 : 0}</strong></button>`
+  const {writes} = live, on = state.value === true, id = `why-${device}-${signal.name}`;
+  const text = html`<i aria-hidden="true"></i>${place ? html`<span class="place dim small" aria-hidden="true">${place}</span>` : null}<span class=${signal.label ? "hidden" : "name"} title=${`${signal.name}, ${signal.place}`}>${signal.label || signal.name}</span><${Marks} state=${state} of=${of}/>`;
+  return html`${signal.direction === "input"
+    ? html`<button type="button" role="switch" class=${"bit" + (on ? " on" : "")} aria-checked=${String(on)} aria-describedby=${told.text ? id : null} disabled=${!writes} title=${writes ? null : "this token may read only"} onClick=${() => send(!on, seenNow(device, state))}>${text}<strong aria-hidden="true">${on ? 1 : 0}</strong></button>`
     : html`<span class=${"bit" + (on ? " on" : "")}>${text}<strong>${on ? 1 : 0}</strong></span>`}
-    ${signal.direction === "input" ? html`<${Force} signal=${signal} state=${state} value=${state.forced === null ? on : !state.forced} text=${state.forced === null ? "force" : `force ${state.forced ? 0 : 1}`} force=${value => send(value, seenNow(state), "force")}/>` : null}
-    <${Told} id=${id} told=${told}/></li>`;
+    ${signal.direction === "input" ? html`<${Force} signal=${signal} state=${state} value=${state.forced === null ? on : !state.forced} text=${state.forced === null ? "force" : `force ${state.forced ? 0 : 1}`} force=${value => send(value, seenNow(device, state), "force")}/>` : null}
+    <${Told} id=${id} told=${told}/>`;
 }
 
-/** A number, a text or octets: a row with a field if it is an input.  What is typed is written by Enter, or left by Escape. */
-function Value({device, signal, state, of}) {
+/** A number, a text or octets: a field if it is an input.  What is typed is written by Enter, or left by Escape. */
+export function Value({device, signal, state}) {
   const [edit, setEdit] = useState(null);
   const [told, send, forget] = useWrite(device, signal.name);
-  const {writes} = live, id = "why-" + signal.name, changed = edit && (!edit.seen || edit.text !== edit.seen.shown);
+  const {writes} = live, id = `why-${device}-${signal.name}`, changed = edit && (!edit.seen || edit.text !== edit.seen.shown);
   const submit = async (event, how) => {
     event.preventDefault();
     if (!edit) return;
-    const written = await send(edit.text, edit.seen || seenNow(live.values.states.get(signal.name) || state), how);
+    const written = await send(edit.text, edit.seen || seenNow(device, valuesOf(device).states.get(signal.name) || state), how);
     // who has read what another wrote meanwhile may write over it: what the page shows then counts
     setEdit(written ? null : {...edit, seen: null});
   };
-  const type = text => setEdit({text, seen: edit ? edit.seen : seenNow(state)});
+  const type = text => setEdit({text, seen: edit ? edit.seen : seenNow(device, state)});
   const leave = () => { setEdit(null); forget(); };
-  return html`<tr><th scope="row" class="text">${signal.name}</th><td class="dim">${signal.place}</td><td class="dim">${signal.type}</td>
-    <td class="text">${signal.direction === "input"
-      ? html`<form class="edit" onSubmit=${submit}><input class=${state.shown.length > WIDE ? "wide" : ""} aria-label=${signal.name} value=${edit ? edit.text : state.shown} readonly=${!writes} title=${writes ? "" : "this token may read only"} spellcheck="false" autocomplete="off"
+  return html`${signal.direction === "input"
+      ? html`<form class="edit" onSubmit=${submit}><input class=${state.shown.length > WIDE ? "wide" : ""} aria-label=${signal.label || signal.name} value=${edit ? edit.text : state.shown} readonly=${!writes} title=${writes ? "" : "this token may read only"} spellcheck="false" autocomplete="off"
           aria-invalid=${told.kind === "bad" ? "true" : null} aria-describedby=${told.text ? id : null} onFocus=${event => writes && !edit && type(event.target.value)} onInput=${event => type(event.target.value)} onBlur=${() => { if (edit && !changed) leave(); }} onKeyDown=${event => { if (event.key === "Escape") leave(); }}/>
           ${changed ? html`<button type="submit">Write</button>` : null}
-          <${Force} signal=${signal} state=${state} value=${changed || state.forced === null ? state.shown : null} text="force" force=${value => changed && value !== null ? submit(new Event("force"), "force") : send(value, seenNow(state), "force")}/></form>`
+          <${Force} signal=${signal} state=${state} value=${changed || state.forced === null ? state.shown : null} text="force" force=${value => changed && value !== null ? submit(new Event("force"), "force") : send(value, seenNow(device, state), "force")}/></form>`
       : html`<output aria-label=${signal.name}>${state.shown || "–"}</output>`}
-      <${Told} id=${id} told=${told}/></td>
-    <td>${signal.unit}</td><td>${state.good ? html`<span class="dim">good</span>` : null}<${Marks} state=${state} of=${of}/></td></tr>`;
+      <${Told} id=${id} told=${told}/>`;
 }
+
+const BitItem = ({signal, ...more}) => html`<li><${Bit} signal=${signal} place=${signal.place.split(".").slice(2).join(".")} ...${more}/></li>`;
+
+const ValueRow = ({signal, state, of, device}) => html`<tr><th scope="row" class="text">${signal.name}</th><td class="dim">${signal.place}</td><td class="dim">${signal.type}</td>
+    <td class="text"><${Value} device=${device} signal=${signal} state=${state}/></td>
+    <td>${signal.unit}</td><td>${state.good ? html`<span class="dim">good</span>` : null}<${Marks} state=${state} of=${of}/></td></tr>`;
 
 /** What `make` gave before, if it was of the same `key`: what has not changed is not compared again. */
 function kept(known, id, key, make) {
@@ -132,12 +136,12 @@ function Submodule({device, submodule, signals, states, faults}) {
     const nodes = part.map(one => draw(Kind, one)), label = `${what} of subslot ${submodule.subslot}${length > 1 ? `, part ${place + 1}` : ""}`;
     return kept(known, `${what} ${place}`, nodes, () => html`<div class="part" key=${label}>${make(nodes, label)}</div>`);
   });
-  const bits = direction => parts(Bit, direction + "s", signals.filter(one => one.type === "bool" && one.direction === direction), (nodes, label) => html`<ul class="bits" aria-label=${label}>${nodes}</ul>`);
+  const bits = direction => parts(BitItem, direction + "s", signals.filter(one => one.type === "bool" && one.direction === direction), (nodes, label) => html`<ul class="bits" aria-label=${label}>${nodes}</ul>`);
   const octets = [submodule.input_octets ? plural(submodule.input_octets, "octet") + " in" : "", submodule.output_octets ? plural(submodule.output_octets, "octet") + " out" : ""].filter(Boolean).join(", ");
   return html`<div role="group" aria-label=${`Subslot ${submodule.subslot}, ${submodule.name}`}><h3>Subslot ${submodule.subslot} · ${submodule.name} <span class="dim">ident ${hex(submodule.ident)}${octets ? ` · ${octets}` : ""}</span></h3>
     ${submodule.safety ? html`<p class="warn">PROFIsafe: the device does not run the safety protocol, so an F-CPU passivates this submodule. Its octets are exchanged like any others.</p>` : null}
     ${bits("input")}${bits("output")}
-    ${parts(Value, "values", signals.filter(one => one.type !== "bool"), (nodes, label) => html`<table class="values" aria-label=${label}><thead><tr><th scope="col">Signal</th><th scope="col">Place</th><th scope="col">Type</th><th scope="col">Value</th><th scope="col">Unit</th><th scope="col">Status</th></tr></thead>
+    ${parts(ValueRow, "values", signals.filter(one => one.type !== "bool"), (nodes, label) => html`<table class="values" aria-label=${label}><thead><tr><th scope="col">Signal</th><th scope="col">Place</th><th scope="col">Type</th><th scope="col">Value</th><th scope="col">Unit</th><th scope="col">Status</th></tr></thead>
       <tbody>${nodes}</tbody></table>`)}</div>`;
 }
 
@@ -179,7 +183,7 @@ export function Device({name, tab}) {
   const on = {on: name};
   const mine = active ? active.faults.filter(one => name in one.drives && one.drives[name].state !== "ended") : [];
   const faults = new Map(mine.filter(one => one.drives[name].state === "active" && (one.spec.params || {}).signal).map(one => [one.spec.params.signal, one]));
-  const states = farm.values.device === name ? farm.values.states : new Map();
+  const {states} = valuesOf(name);
   const forced = signals.filter(one => (states.get(one.name) || one).forced !== null).length;
   const toggle = (slot, open) => { if ((opened[slot] ?? first.has(slot)) !== open) setOpened({...opened, [slot]: open}); };
   const all = open => setOpened(Object.fromEntries(modules.map(one => [one.module.slot, open])));

@@ -8,9 +8,10 @@ import {plural} from "../lib/words.js";
 const USUAL = ["setpoint", "velocity", "stw1", "zsw1", "control", "status_1", "state", "fault"];
 const TRIGGERS = ["now", "manual", "fault", "disconnect", "state changes", "velocity rising 100", "zsw1.fault_present", "watchdog"];
 const OF_DEVICES = ["now", "manual", "disconnect", "connected falling", "injection"];
-/** Signals of a device that are chosen at first, and those that are shown before one is looked for. */
+const OF_MODELS = ["now", "manual"];
+/** Signals of a device or a model that are chosen at first, and those that are shown before one is looked for. */
 const FIRST = 6, SHOWN = 60;
-const kept = {trigger: "now", pre: "200ms", length: "1s", interval: "1ms", drive: null, device: null};
+const kept = {trigger: "now", pre: "200ms", length: "1s", interval: "1ms", drive: null, device: null, model: null};
 // By drive, the trace begun last: it goes on while other views are looked at.
 const begun = new Map();
 
@@ -48,7 +49,8 @@ function Picture({recording, signals}) {
 }
 
 export function Trace({name}) {
-  const kind = useFarm().deviceByName.has(name) ? "device" : "drive", triggers = kind === "device" ? OF_DEVICES : TRIGGERS;
+  const {byName, deviceByName} = useFarm(), kind = byName.has(name) ? "drive" : deviceByName.has(name) ? "device" : "model";
+  const triggers = {drive: TRIGGERS, device: OF_DEVICES, model: OF_MODELS}[kind];
   const [text, setText] = useState("");
   const [list, error] = useLoaded(() => get("traces/signals/" + path(name)), [name]);
   const [form, setForm] = useState({...kept});
@@ -57,8 +59,8 @@ export function Trace({name}) {
   const change = more => setForm(before => Object.assign(kept, {...before, ...more}) && {...before, ...more});
   const names = useMemo(() => list ? list.signals.filter(one => !one.signal.includes(".")).map(one => one.signal) : [], [list]);
   const wanted = form[kind] || USUAL, chosen = wanted.filter(signal => names.includes(signal));
-  // those that were chosen last are of another device
-  if (kind === "device" && wanted.length && !chosen.length) chosen.push(...names.slice(0, FIRST));
+  // those that were chosen last are of another device or model
+  if (kind !== "drive" && wanted.length && !chosen.length) chosen.push(...names.slice(0, FIRST));
   const found = names.filter(signal => signal.toLowerCase().includes(text.toLowerCase())), first = found.slice(0, SHOWN);
   const shown = names.filter(signal => chosen.includes(signal) || first.includes(signal));
   const follow = status => { begun.set(name, status); setTrace(status); };
@@ -105,6 +107,6 @@ export function Trace({name}) {
           <a class="button" href=${url(path("traces", trace.id))} download=${trace.id + ".json"}>JSON</a>` : null}
       </div>
     </form>
-    ${recording ? html`<${Picture} recording=${recording} signals=${list.signals}/>` : html`<p class="dim">Choose signals and a trigger, and start. A trigger is an event (fault 702, disconnect), a comparison (velocity > 100), an edge (velocity rising 100), a bit, or manual. island-1.pressure > 6.5 bar is a signal of a device.</p>`}
+    ${recording ? html`<${Picture} recording=${recording} signals=${list.signals}/>` : html`<p class="dim">Choose signals and a trigger, and start. A trigger is an event (fault 702, disconnect), a comparison (velocity > 100), an edge (velocity rising 100), a bit, or manual. island-1.pressure > 6.5 bar is a signal of a device, gripper.position > 0.5 of a model of the plant.</p>`}
   </div>`;
 }
