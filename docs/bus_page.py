@@ -7,11 +7,11 @@ import re
 from typing import Any
 
 from pnfarm.buses.bus import Bus, RouteHost, Segment
+from pnfarm.buses.checking import CheckingBus
 from pnfarm.buses.controller import Controller, ControllerPlan, DeviceController
 from pnfarm.buses.devices import DeviceBus, DevicesPart
 from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.buses.node import Node
-from pnfarm.buses.plant import PlantBus
 from pnfarm.buses.search import SearchBus
 from pnfarm.captures.decoder import FrameDecoder
 from pnfarm.links.sockets import SocketCarrier
@@ -25,7 +25,7 @@ INTERFACES: dict[type, str] = {
     DevicesPart: "The farm file's part of such a bus offers this besides.",
     Device: "The bus makes one for each drive.",
     SearchBus: "A bus offers this besides if its devices can be found on a wire: `pnfarm scan` asks it.",
-    PlantBus: "A bus offers this besides if `pnfarm import --check` can compare its plants with a farm file.",
+    CheckingBus: "A bus offers this besides if `pnfarm import --check` can compare its plants with a farm file.",
     SocketDevice: "A device with sockets offers this besides; events and actions are in `pnfarm/wire/endpoint.py`.",
     SocketCarrier: "The link has one (`ControllerHost.sockets` for a controller); the farm uses it for devices.",
     Segment: "The bus makes one for the drives of a farm.",

@@ -10,9 +10,9 @@ from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.checking import CheckingBus
 from pnfarm.buses.ethernetip.bus import ETHERNETIP
 from pnfarm.buses.line_parameters import LineParameterBus
-from pnfarm.buses.plant import PlantBus
 from pnfarm.buses.profibus.bus import PROFIBUS
 from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.buses.search import SearchBus
@@ -39,7 +39,15 @@ if TYPE_CHECKING:
     _SEGMENTS: tuple[type[Segment], ...] = (EthernetIpSegment, ProfibusSegment, ProfinetSegment)
 
 __all__ = [
-    "BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_filters", "line_parameter_bus", "plants", "registered",
+    "BUSES",
+    "bus",
+    "checking",
+    "commands",
+    "decoder",
+    "fault_kinds",
+    "frame_filters",
+    "line_parameter_bus",
+    "registered",
     "searches",
 ]  # fmt: skip
 
@@ -93,9 +101,9 @@ def searches() -> dict[str, SearchBus]:
     return {name: one for name, one in BUSES.items() if isinstance(one, SearchBus)}
 
 
-def plants() -> dict[str, PlantBus]:
+def checking() -> dict[str, CheckingBus]:
     """The buses whose plants can be compared with a farm file, by name."""
-    return {name: one for name, one in BUSES.items() if isinstance(one, PlantBus)}
+    return {name: one for name, one in BUSES.items() if isinstance(one, CheckingBus)}
 
 
 def line_parameter_bus() -> LineParameterBus:

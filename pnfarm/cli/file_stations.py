@@ -13,7 +13,7 @@ from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand_all
 
 if TYPE_CHECKING:
-    from pnfarm.buses.plant import StationFacts
+    from pnfarm.buses.checking import StationFacts
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.vocabulary.issues import Location
 
@@ -37,7 +37,7 @@ def stations_of(config: FarmConfig, *, asked: bool = False) -> list[FileStation]
 
     ``asked``: with what their controllers ask for, and not all that they offer.
     """
-    known = registry.plants()
+    known = registry.checking()
     found = []
     for one in expand_all(config):
         model = None if isinstance(one, DeviceConfig) else model_of(one)
@@ -52,7 +52,7 @@ def foreign_stations(config: FarmConfig) -> list[FileStation]:
     """Devices that only the sections of controllers name.  Raises :class:`ConfigError` for an impossible plan."""
     if not any(section.device_names for section in config.controllers):
         return []
-    known = registry.plants()
+    known = registry.checking()
     whole = expand_all(config)
     drives = [one for one in whole if isinstance(one, DriveConfig)]
     devices = [one for one in whole if isinstance(one, DeviceConfig)]

@@ -10,8 +10,8 @@ import pytest
 from device_cell import CONFIGS, ISLAND
 from own_interfaces import own_interfaces
 
+from pnfarm.buses.checking import CheckAnswer, StationFacts
 from pnfarm.buses.ethernetip.bus import EthernetIp
-from pnfarm.buses.plant import PlantAnswer, StationFacts
 from pnfarm.buses.profinet.bus import Profinet
 from pnfarm.cli import plant_check
 from pnfarm.cli.farm_file import read
@@ -39,11 +39,11 @@ def file(tmp_path, monkeypatch):
 
 
 def plant(monkeypatch, *stations, remarks=(), bus=Profinet):
-    async def read_plant(_bus, question):
+    async def read_stations(_bus, question):
         by_name = {one.name: one for one in question.expected}
-        return PlantAnswer([by_name[one] if isinstance(one, str) else one for one in stations], remarks)
+        return CheckAnswer([by_name[one] if isinstance(one, str) else one for one in stations], remarks)
 
-    monkeypatch.setattr(bus, "read_plant", read_plant)
+    monkeypatch.setattr(bus, "read_stations", read_stations)
 
 
 def test_a_plant_as_in_the_file_ends_with_0(file, pnfarm, monkeypatch):

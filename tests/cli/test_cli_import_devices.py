@@ -12,7 +12,7 @@ from captured_controller import CapturedController, differences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from imported import check_found
-from seen_plant import DEVICE, HEAD, ISLAND, PLC, SECOND, SeenPlant, differing
+from seen_stations import DEVICE, HEAD, ISLAND, PLC, SECOND, SeenPlant, differing
 from wide_device import wide_file, wide_group
 
 from pnfarm.buses.imports import FoundDevice, FoundStation

@@ -13,7 +13,7 @@ import yaml
 from cip_tape import MANAGER, Tape, connect, forward_open
 from edited_capture import frames_of, in_fragments, tagged, write_frames
 from imported import check_found, comments
-from seen_plant import ADDRESS, DEVICE, HEAD, ISLAND, PLC, SECOND, SeenPlant
+from seen_stations import ADDRESS, DEVICE, HEAD, ISLAND, PLC, SECOND, SeenPlant
 
 from pnfarm.buses import registry
 from pnfarm.buses.ethernetip.bus import ETHERNETIP

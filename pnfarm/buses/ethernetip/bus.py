@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
+from pnfarm.buses.checking import CheckingBus
 from pnfarm.buses.imports import ImportingBus, ProjectBus
-from pnfarm.buses.plant import PlantBus
 from pnfarm.buses.search import SearchBus
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["ETHERNETIP", "EthernetIp"]
 
 
-class EthernetIp(ImportingBus, ProjectBus, SearchBus, PlantBus):
+class EthernetIp(ImportingBus, ProjectBus, SearchBus, CheckingBus):
     """See the module's docstring."""
 
     name = "ethernetip"

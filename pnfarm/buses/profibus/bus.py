@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, cast
 
+from pnfarm.buses.checking import CheckingBus
 from pnfarm.buses.imports import ImportingBus, ProjectBus
-from pnfarm.buses.plant import PlantBus
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["PROFIBUS", "Profibus"]
 
 
-class Profibus(ImportingBus, ProjectBus, PlantBus):
+class Profibus(ImportingBus, ProjectBus, CheckingBus):
     """See the module's docstring."""
 
     name = "profibus"

@@ -124,7 +124,7 @@ def importing(
     are only asked.
     """
     if check:
-        from pnfarm.cli.plant_check import check_plant
+        from pnfarm.cli.station_check import check_stations
 
         if output is not None or merge or update or dry_run or len(files) != 1:
             raise ConfigError(
@@ -132,7 +132,7 @@ def importing(
                 "further files out"
             )
         as_json = format_ is Format.JSON
-        if not check_plant(files[0], check, seconds=seconds, baud=baud, own=own, as_json=as_json):
+        if not check_stations(files[0], check, seconds=seconds, baud=baud, own=own, as_json=as_json):
             raise typer.Exit(1)
         return
     from pnfarm.cli.projects.inputs import read_inputs

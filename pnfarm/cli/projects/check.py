@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from pnfarm.buses import registry
-from pnfarm.buses.plant import compare
+from pnfarm.buses.checking import compare
 from pnfarm.cli.farm_file import known_names
 from pnfarm.cli.file_stations import stations_of
 from pnfarm.cli.projects.file import READ, is_project_file
@@ -21,8 +21,8 @@ from pnfarm.farm.file.reading import parse_farm
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from pnfarm.buses.checking import CheckingBus, StationCheck
     from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation
-    from pnfarm.buses.plant import PlantBus, StationCheck
     from pnfarm.cli.file_stations import FileStation
     from pnfarm.farm.file.found import WrittenFarm
     from pnfarm.farm.file.reading import FarmConfig
@@ -53,7 +53,7 @@ def examine_project(config: FarmConfig, project: Path, folders: Sequence[Path]) 
     stations: list[FoundDrive | FoundDevice] = [*made.drives, *made.devices]
     played = {one.name: one for one in stations}
     unknown = {one.name: one for one in made.others}
-    for name, bus in registry.plants().items():
+    for name, bus in registry.checking().items():
         wanted = [
             # without keying it compares no identity
             one.facts if played[one.facts.name].keyed else replace(one.facts, identity={})
@@ -97,7 +97,7 @@ def _line(config: FarmConfig, own: Sequence[FileStation], check: StationCheck) -
     return next((config.place(one.at)[1] for one in own if check.address and one.facts.address == check.address), 0)
 
 
-def _finding(project: Path, bus: PlantBus, check: StationCheck, line: int, doubts: Sequence[str]) -> Finding:
+def _finding(project: Path, bus: CheckingBus, check: StationCheck, line: int, doubts: Sequence[str]) -> Finding:
     match check.state:
         case "missing":
             detail = "the project has it, and the farm does not play it"

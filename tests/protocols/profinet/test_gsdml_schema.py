@@ -10,7 +10,7 @@ import pytest
 from gsdml_examples import ISLAND, SCANNER
 from gsdml_versions import VERSIONS, gsdml_of
 from lxml import etree
-from seen_plant import SeenPlant
+from seen_stations import SeenPlant
 
 from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.drives.catalogue import model, models

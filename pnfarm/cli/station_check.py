@@ -12,7 +12,7 @@ import anyio
 
 from pnfarm.buses import registry
 from pnfarm.buses.bus import LineBus, line_of
-from pnfarm.buses.plant import PlantQuestion, compare
+from pnfarm.buses.checking import CheckQuestion, compare
 from pnfarm.cli.farm_file import counted, read
 from pnfarm.cli.file_stations import foreign_stations, stations_of
 from pnfarm.cli.serial_line import RFC2217, is_place, line_way, run_on_line
@@ -24,10 +24,10 @@ from pnfarm.terminal.working import working
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pnfarm.buses.plant import PlantAnswer, PlantBus, StationCheck, StationFacts
+    from pnfarm.buses.checking import CheckAnswer, CheckingBus, StationCheck, StationFacts
     from pnfarm.farm.file.reading import FarmConfig
 
-__all__ = ["STATES", "check_plant", "rows_of"]
+__all__ = ["STATES", "check_stations", "rows_of"]
 
 STATES: Final = {
     "equal": "equal",
@@ -38,7 +38,7 @@ STATES: Final = {
 }
 
 
-def check_plant(file: Path, places: Sequence[str], *, seconds: float, baud: int, own: int, as_json: bool) -> bool:
+def check_stations(file: Path, places: Sequence[str], *, seconds: float, baud: int, own: int, as_json: bool) -> bool:
     """Compare, print, and return whether all is equal.
 
     ``places``: interfaces of this machine, and serial lines as ``pnfarm param --line`` takes them, which ``baud`` and
@@ -48,17 +48,19 @@ def check_plant(file: Path, places: Sequence[str], *, seconds: float, baud: int,
     expected: dict[str, list[StationFacts]] = {}
     for one in (*stations_of(config), *foreign_stations(config)):
         expected.setdefault(one.bus, []).append(one.facts)
-    answers: dict[str, list[PlantAnswer]] = {}
+    answers: dict[str, list[CheckAnswer]] = {}
     for where in dict.fromkeys(places):
         for name, bus in _buses_at(where, expected, file):
             with working(f"asking the {bus.title} stations at {where}"):
                 answer = _ask(bus, where, expected[name], seconds, baud, own)
             answers.setdefault(name, []).append(answer)
-    checks = {name: list(_compared(config, registry.plants()[name], expected[name], answers[name])) for name in answers}
+    checks = {
+        name: list(_compared(config, registry.checking()[name], expected[name], answers[name])) for name in answers
+    }
     remarks = [remark for each in answers.values() for answer in each for remark in answer.remarks]
     remarks += [
         f"the {bus.title} stations of the file were not asked: give --check {_wanted(bus)} as well"
-        for name, bus in registry.plants().items()
+        for name, bus in registry.checking().items()
         if name in expected.keys() - answers.keys()
     ]
     equal = expected.keys() == answers.keys() and all(one.state == "equal" for each in checks.values() for one in each)
@@ -66,11 +68,11 @@ def check_plant(file: Path, places: Sequence[str], *, seconds: float, baud: int,
     return equal
 
 
-def _wanted(bus: PlantBus) -> str:
+def _wanted(bus: CheckingBus) -> str:
     return "LINE" if line_of(bus) else "INTERFACE"
 
 
-def _buses_at(where: str, expected: dict[str, list[StationFacts]], file: Path) -> list[tuple[str, PlantBus]]:
+def _buses_at(where: str, expected: dict[str, list[StationFacts]], file: Path) -> list[tuple[str, CheckingBus]]:
     """The buses of the file's stations that may be there."""
     interfaces = [name for _, name in socket.if_nameindex()]
     is_interface = where in interfaces
@@ -81,7 +83,7 @@ def _buses_at(where: str, expected: dict[str, list[StationFacts]], file: Path) -
         )
     found = [
         (name, bus)
-        for name, bus in registry.plants().items()
+        for name, bus in registry.checking().items()
         if name in expected and bool(line_of(bus)) != is_interface
     ]
     if not found:
@@ -91,19 +93,19 @@ def _buses_at(where: str, expected: dict[str, list[StationFacts]], file: Path) -
 
 
 def _ask(
-    bus: PlantBus, where: str, expected: Sequence[StationFacts], seconds: float, baud: int, own: int
-) -> PlantAnswer:
+    bus: CheckingBus, where: str, expected: Sequence[StationFacts], seconds: float, baud: int, own: int
+) -> CheckAnswer:
     if not isinstance(bus, LineBus) or not line_of(bus):
-        return anyio.run(bus.read_plant, PlantQuestion(where, seconds, expected))
+        return anyio.run(bus.read_stations, CheckQuestion(where, seconds, expected))
     if baud not in bus.baud_rates:
         raise ConfigError(f"--baud {baud} is none of the line's rates: {', '.join(map(str, bus.baud_rates))}")
     link = make_line(line_way(where, baud, "--check"), line_bus(bus.name))
-    search = partial(bus.line_plant, link, expected=expected, own=own, baud=baud)
+    search = partial(bus.checked_line, link, expected=expected, own=own, baud=baud)
     return asyncio.run(run_on_line(link, bus.name, "check", search)).answer()
 
 
 def _compared(
-    config: FarmConfig, bus: PlantBus, expected: Sequence[StationFacts], answers: Sequence[PlantAnswer]
+    config: FarmConfig, bus: CheckingBus, expected: Sequence[StationFacts], answers: Sequence[CheckAnswer]
 ) -> Iterator[StationCheck]:
     """Without the file's own controller, if the plant has it; what answers at two places is one station."""
     before: set[str] = set()

@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
-    from pnfarm.buses.plant import PlantAnswer, PlantQuestion
+    from pnfarm.buses.checking import CheckAnswer, CheckQuestion
 
-__all__ = ["read_plant"]
+__all__ = ["read_stations"]
 
 
-async def read_plant(question: PlantQuestion) -> PlantAnswer:
+async def read_stations(question: CheckQuestion) -> CheckAnswer:
     """Frames in and out of a reader until it is done."""
     import os
     import time
 
     import anyio
 
-    from pnfarm.buses.profinet.controller.plant_reader import PlantReader
     from pnfarm.buses.profinet.controller.record_client import TOOL_PORT
+    from pnfarm.buses.profinet.controller.station_reader import StationReader
     from pnfarm.links.base import PortSpec
     from pnfarm.links.callbacks import raise_of_callbacks
     from pnfarm.links.interface import InterfaceLink
@@ -33,7 +33,7 @@ async def read_plant(question: PlantQuestion) -> PlantAnswer:
         (port,) = await link.open([PortSpec("check", bytes(6))])
         own = _own(question.interface)
         held = [] if own is None else hold_ports(own, (TOOL_PORT,))
-        reader = PlantReader(question.expected, port.mac, own, os.urandom(16), question.seconds)
+        reader = StationReader(question.expected, port.mac, own, os.urandom(16), question.seconds)
 
         def send() -> None:
             for frame in reader.to_send(time.monotonic_ns()):

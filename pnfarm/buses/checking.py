@@ -15,8 +15,17 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
 
 __all__ = [
-    "NOTHING", "Difference", "LinePlant", "PlantAnswer", "PlantBus", "PlantQuestion", "StationCheck", "StationFacts",
-    "compare", "place_text", "readable",
+    "NOTHING",
+    "CheckAnswer",
+    "CheckQuestion",
+    "CheckedLine",
+    "CheckingBus",
+    "Difference",
+    "StationCheck",
+    "StationFacts",
+    "compare",
+    "place_text",
+    "readable",
 ]  # fmt: skip
 
 #: In place of an ident: nothing is plugged there.
@@ -65,7 +74,7 @@ class StationCheck:
 
 
 @dataclass(frozen=True, slots=True)
-class PlantQuestion:
+class CheckQuestion:
     """Ask at a network ``interface`` for so many seconds; ``expected`` are the stations that are to be there."""
 
     interface: str
@@ -74,14 +83,14 @@ class PlantQuestion:
 
 
 @dataclass(frozen=True, slots=True)
-class PlantAnswer:
+class CheckAnswer:
     """``remarks``: what a user should know of the search as a whole."""
 
     stations: Sequence[StationFacts]
     remarks: Sequence[str] = ()
 
 
-class LinePlant(Protocol):
+class CheckedLine(Protocol):
     """A search on a serial line; the link hands it what comes."""
 
     @property
@@ -95,14 +104,15 @@ class LinePlant(Protocol):
     def next_deadline(self) -> int | None:
         """When :meth:`service` is due."""
 
-    def answer(self) -> PlantAnswer:
+    def answer(self) -> CheckAnswer:
         """What was found, once it is done."""
 
 
-class PlantBus(Bus):
+class CheckingBus(Bus):
     """A bus whose plant can be compared with a farm file; nothing is written to its stations.
 
-    One with a network has ``read_plant`` in ``commands/plant.py``, one with a serial line ``line_plant`` in ``plant``.
+    One with a network has ``read_stations`` in ``commands/check.py``, one with a serial line ``checked_line`` in
+    ``checking``.
     """
 
     @property
@@ -123,14 +133,14 @@ class PlantBus(Bus):
         facts: StationFacts = self._own("plant", "planned_facts")(plan)
         return facts
 
-    async def read_plant(self, question: PlantQuestion) -> PlantAnswer:
+    async def read_stations(self, question: CheckQuestion) -> CheckAnswer:
         """Ask a network.  Raises :class:`~pnfarm.errors.EnvironmentError_` where this machine cannot."""
-        answer: PlantAnswer = await self._own("commands.plant", "read_plant")(question)
+        answer: CheckAnswer = await self._own("commands.check", "read_stations")(question)
         return answer
 
-    def line_plant(self, link: Any, port: Any, expected: Sequence[StationFacts], own: int, baud: int) -> LinePlant:
+    def checked_line(self, link: Any, port: Any, expected: Sequence[StationFacts], own: int, baud: int) -> CheckedLine:
         """The search on a line, by a station with an own address."""
-        search: LinePlant = self._own("plant", "line_plant")(link, port, expected, own, baud)
+        search: CheckedLine = self._own("plant", "checked_line")(link, port, expected, own, baud)
         return search
 
 

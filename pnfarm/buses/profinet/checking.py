@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.plant import NOTHING, StationFacts, place_text, readable
+from pnfarm.buses.checking import NOTHING, StationFacts, place_text, readable
 from pnfarm.buses.profinet.binding import axis_places, describe_device
 from pnfarm.buses.profinet.controller.identity import revision_text
 

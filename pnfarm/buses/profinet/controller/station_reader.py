@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from pnfarm.buses.plant import PlantAnswer
+from pnfarm.buses.checking import CheckAnswer
+from pnfarm.buses.profinet.checking import seen_facts
 from pnfarm.buses.profinet.controller.identification import IM0_INDEX
 from pnfarm.buses.profinet.controller.identity import read_im
 from pnfarm.buses.profinet.controller.module_client import read_modules
 from pnfarm.buses.profinet.controller.record_client import RecordClient, RecordTask
-from pnfarm.buses.profinet.plant import seen_facts
 from pnfarm.errors import DecodeError, RemoteError
 from pnfarm.protocols.profinet.dcp.client import DcpClient, IdentifyAnswered, IdentifyFinished
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
     from ipaddress import IPv4Interface
 
-    from pnfarm.buses.plant import StationFacts
+    from pnfarm.buses.checking import StationFacts
     from pnfarm.buses.profinet.controller.identity import Identification
     from pnfarm.buses.profinet.controller.module_client import DeviceModule
     from pnfarm.buses.profinet.controller.records import RecordPlace
 
-__all__ = ["PlantReader"]
+__all__ = ["StationReader"]
 
 #: Stations that are kept; further ones are counted.
 MOST_STATIONS: Final = 20_000
@@ -86,7 +86,7 @@ class _Reading:
             self.remarks.append(f"its modules cannot be read: {exc}")
 
 
-class PlantReader:
+class StationReader:
     """``mac`` and ``own`` are this end's addresses; without ``own`` no record can be read.
 
     Feed it frames and time until :attr:`done`.
@@ -147,7 +147,7 @@ class PlantReader:
             one.client.handle_timeout(now)
         self._settle(now)
 
-    def answer(self) -> PlantAnswer:
+    def answer(self) -> CheckAnswer:
         """What was found, once it is done."""
         stations = []
         for one in self._found:
@@ -162,7 +162,7 @@ class PlantReader:
             remarks.append(f"more than {MOST_STATIONS} stations answer: {self._left_out} frames were not looked at")
         if self._controllers:
             remarks.append(f"{self._controllers} stations that are no IO devices are left out")
-        return PlantAnswer(stations, remarks)
+        return CheckAnswer(stations, remarks)
 
     # -- inside ------------------------------------------------------------------------------------------------------
 

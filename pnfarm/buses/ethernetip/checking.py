@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.checking import CheckAnswer, StationFacts, readable
 from pnfarm.buses.ethernetip.device.product import Product
-from pnfarm.buses.plant import PlantAnswer, StationFacts, readable
 
 if TYPE_CHECKING:
     from pnfarm.buses.ethernetip.controller.device_plan import DevicePlan
@@ -70,11 +70,11 @@ def _facts(name: str, address: str, known: Any, product: str) -> StationFacts:
     )
 
 
-def seen(search: IdentitySearch) -> PlantAnswer:
+def seen(search: IdentitySearch) -> CheckAnswer:
     """Devices by their addresses."""
     stations = [
         _facts(name, str(one.peer[0]), one.identity, name)
         for one in sorted(search.found.values(), key=lambda one: one.peer)
         for name in [readable(one.identity.name.decode("latin-1"))]
     ]
-    return PlantAnswer(stations)
+    return CheckAnswer(stations)

@@ -13,11 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from slave_cell import SlaveCell
 
-from pnfarm.buses.ethernetip.plant import seen
-from pnfarm.buses.plant import Difference, StationFacts, compare
-from pnfarm.buses.profibus.plant import SearchOnLine
+from pnfarm.buses.checking import Difference, StationFacts, compare
+from pnfarm.buses.ethernetip.checking import seen
+from pnfarm.buses.profibus.checking import SearchOnLine
 from pnfarm.buses.profinet.controller import plant_reader
-from pnfarm.buses.profinet.controller.plant_reader import PlantReader
+from pnfarm.buses.profinet.controller.station_reader import StationReader
 from pnfarm.cli.file_stations import stations_of
 from pnfarm.errors import ConfigError
 from pnfarm.links.base import PortSpec
@@ -71,7 +71,7 @@ class Tool:
         self.world, self.frames = world, []
         self.link = world.link()
         (self.port,) = asyncio.run(self.link.open([PortSpec("check", MAC)]))
-        self.reader = PlantReader(expected, MAC, own, next(SEEDS).to_bytes(4, "big"), seconds)
+        self.reader = StationReader(expected, MAC, own, next(SEEDS).to_bytes(4, "big"), seconds)
         self.link.set_receiver(self.receive)
 
     def receive(self, _port, frame, now):
@@ -255,7 +255,7 @@ def test_answers_with_wrong_octets_are_differences_or_remarks_and_never_an_error
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.binary(max_size=80), max_size=20))
 def test_any_octets_of_other_stations_leave_the_search_as_it_is(frames):
-    reader = PlantReader([StationFacts("a", "10.77.0.1")], MAC, OWN, b"seed", 1.0)
+    reader = StationReader([StationFacts("a", "10.77.0.1")], MAC, OWN, b"seed", 1.0)
     reader.start(0)
     for place, octets in enumerate(frames):
         reader.receive(MAC + bytes.fromhex("020000000001 8892 feff") + octets, place)
@@ -294,7 +294,7 @@ def answers(request, count, address="10.1.{}.{}"):
 
 def test_thousands_of_stations_that_answer_no_reads_end_in_bounded_time():
     expected = [StationFacts(f"station-{n}", f"10.1.{n >> 8}.{n & 255}", {"vendor": "0x0105"}) for n in range(2000)]
-    reader = PlantReader(expected, MAC, IPv4Interface("10.1.255.1/16"), b"seed", 1.0)
+    reader = StationReader(expected, MAC, IPv4Interface("10.1.255.1/16"), b"seed", 1.0)
     reader.start(0)
     (request,) = reader.to_send(0)
     for frame in answers(request, 2000):
@@ -444,7 +444,7 @@ def test_any_telegrams_leave_the_search_of_a_line_with_an_end(telegrams):
 
 
 def test_an_own_address_that_a_slave_of_the_file_has_is_refused():
-    from pnfarm.buses.registry import plants
+    from pnfarm.buses.registry import checking
 
     with pytest.raises(ConfigError, match="choose another one"):
-        plants()["profibus"].line_plant(None, None, facts(SLAVES), 5, 1_500_000)
+        checking()["profibus"].checked_line(None, None, facts(SLAVES), 5, 1_500_000)

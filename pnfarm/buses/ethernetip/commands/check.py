@@ -6,15 +6,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pnfarm.buses.plant import PlantAnswer, PlantQuestion
+    from pnfarm.buses.checking import CheckAnswer, CheckQuestion
 
-__all__ = ["read_plant"]
+__all__ = ["read_stations"]
 
 
-async def read_plant(question: PlantQuestion) -> PlantAnswer:
+async def read_stations(question: CheckQuestion) -> CheckAnswer:
     """Raises :class:`~pnfarm.errors.EnvironmentError_` for an interface that cannot ask."""
+    from pnfarm.buses.ethernetip.checking import seen
     from pnfarm.buses.ethernetip.commands.scan import MOST_DEVICES, ask_everyone, twice
-    from pnfarm.buses.ethernetip.plant import seen
     from pnfarm.buses.search import Question
     from pnfarm.errors import EnvironmentError_
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.plant import PlantAnswer, StationFacts
+from pnfarm.buses.checking import CheckAnswer, StationFacts
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.profibus.gsd.station import EMPTY_SLOT
 from pnfarm.protocols.profibus.line_search import ADDRESSES, LineSearch
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.links.base import Link, Port
 
-__all__ = ["SearchOnLine", "facts_of", "line_plant", "planned_facts"]
+__all__ = ["SearchOnLine", "checked_line", "facts_of", "planned_facts"]
 
 
 def facts_of(config: Any, model: Model | None, *, asked: bool = False) -> StationFacts:
@@ -38,7 +38,7 @@ def planned_facts(plan: DevicePlan) -> StationFacts:
 
 
 class SearchOnLine:
-    """See :class:`pnfarm.buses.plant.LinePlant`."""
+    """See :class:`pnfarm.buses.checking.CheckedLine`."""
 
     def __init__(self, link: Link, port: Port, search: LineSearch) -> None:
         self.link, self.port, self.search = link, port, search
@@ -70,7 +70,7 @@ class SearchOnLine:
     def next_deadline(self) -> int | None:
         return self.search.next_deadline()
 
-    def answer(self) -> PlantAnswer:
+    def answer(self) -> CheckAnswer:
         """Of a line whose master is at work, idents are known of those slaves alone that gave it a diagnosis."""
         unread = ("its ident was not heard",)
         stations = [
@@ -80,11 +80,11 @@ class SearchOnLine:
             for address, ident in sorted(self.search.found.items())
         ]
         if (master := self.search.master) is None:
-            return PlantAnswer(stations)
-        return PlantAnswer(stations, (f"master {master} is at work on this line: its slaves were not asked",))
+            return CheckAnswer(stations)
+        return CheckAnswer(stations, (f"master {master} is at work on this line: its slaves were not asked",))
 
 
-def line_plant(link: Link, port: Port, expected: Sequence[StationFacts], own: int, baud: int) -> SearchOnLine:
+def checked_line(link: Link, port: Port, expected: Sequence[StationFacts], own: int, baud: int) -> SearchOnLine:
     """Raises :class:`ConfigError`."""
     if own not in ADDRESSES:
         raise ConfigError(f"{own} is not an own address, which is 0 to {ADDRESSES[-1]}")
