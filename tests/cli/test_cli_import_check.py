@@ -13,7 +13,7 @@ from own_interfaces import own_interfaces
 from pnfarm.buses.checking import CheckAnswer, StationFacts
 from pnfarm.buses.ethernetip.bus import EthernetIp
 from pnfarm.buses.profinet.bus import Profinet
-from pnfarm.cli import plant_check
+from pnfarm.cli import station_check
 from pnfarm.cli.farm_file import read
 from pnfarm.cli.file_stations import foreign_stations
 
@@ -32,7 +32,7 @@ SLAVE = "  - {name: slave, model: moog-msd-dp, address: 5}\n"
 
 @pytest.fixture
 def file(tmp_path, monkeypatch):
-    monkeypatch.setattr(plant_check.socket, "if_nameindex", lambda: [(8, "eth8"), (9, "eth9")])
+    monkeypatch.setattr(station_check.socket, "if_nameindex", lambda: [(8, "eth8"), (9, "eth9")])
     path = tmp_path / "line.pnfarm.yml"
     path.write_text(FILE)
     return path

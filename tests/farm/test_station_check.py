@@ -16,7 +16,7 @@ from slave_cell import SlaveCell
 from pnfarm.buses.checking import Difference, StationFacts, compare
 from pnfarm.buses.ethernetip.checking import seen
 from pnfarm.buses.profibus.checking import SearchOnLine
-from pnfarm.buses.profinet.controller import plant_reader
+from pnfarm.buses.profinet.controller import station_reader
 from pnfarm.buses.profinet.controller.station_reader import StationReader
 from pnfarm.cli.file_stations import stations_of
 from pnfarm.errors import ConfigError
@@ -206,7 +206,7 @@ def test_an_interface_without_an_address_compares_names_and_says_that_nothing_wa
 
 
 def test_malformed_answers_and_a_flood_of_stations_end_with_the_search(monkeypatch):
-    monkeypatch.setattr(plant_reader, "MOST_STATIONS", 50)
+    monkeypatch.setattr(station_reader, "MOST_STATIONS", 50)
     cell = Cell(FILE, controller=None)
     tool = Tool(cell.world, facts(FILE))
     flooded = []
@@ -306,7 +306,7 @@ def test_thousands_of_stations_that_answer_no_reads_end_in_bounded_time():
         reader.handle_timeout(now)
         most = max(most, len(reader.to_send(now)))
     assert now < 140e9
-    assert most <= 2 * plant_reader.AT_ONCE
+    assert most <= 2 * station_reader.AT_ONCE
     found = list(compare(expected, reader.answer().stations, by_name=True))
     assert {one.state for one in found} == {"unread"}
     assert any("too many stations" in remark for one in found for remark in one.remarks)
