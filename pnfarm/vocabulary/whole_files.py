@@ -31,6 +31,8 @@ def write_whole(files: Mapping[Path, bytes], mode: int | None = None) -> None:
                 if wanted is not None:
                     os.fchmod(fd, wanted)
                 out.write(octets)
+                out.flush()
+                os.fsync(fd)
         for path, own in fresh.items():
             own.replace(path)
     except OSError as exc:
