@@ -14,6 +14,8 @@ import numpy as np
 
 from pnfarm.farm.state.refused import RefusedState, listed, mapped
 from pnfarm.firmware.axis import AXIS
+from pnfarm.firmware.motion import jog, positioning
+from pnfarm.firmware.profidrive import sensor_interface
 from pnfarm.table.axis_codes import CMD_HOLD_FAULT, CMD_RELEASE_FAULT, COMMANDS, JERK_TAPS, MOTION_TASKS, TASK_MDI
 from pnfarm.vocabulary.quoting import shown
 
@@ -54,20 +56,21 @@ _FIELDS: dict[str, Field] = {
 _LIMITS: dict[str, tuple[int, int]] = {
     "drive.state": (0, 5),
     "drive.stop": (0, 3),
-    "positioning.state": (0, 8),
+    "positioning.state": (0, positioning.STATES - 1),
     "positioning.error": (0, 2),
     "positioning.task": (TASK_MDI, MOTION_TASKS - 1),
     "asked.number": (TASK_MDI, MOTION_TASKS - 1),
     "profile.tap_next": (0, JERK_TAPS - 1),
+    # the methods of firmware/motion/homing.py; any other number is an unknown one, which ends at once
     "homing.method_in_force": (0, 15),
     "service.leg": (0, 2),
-    "sensor.state": (0, 12),
-    "sensor_2.state": (0, 12),
+    "sensor.state": (0, sensor_interface.STATES - 1),
+    "sensor_2.state": (0, sensor_interface.STATES - 1),
     "sensor.read": (0, 4),
     "sensor_2.read": (0, 4),
     "jog.bits": (0, 3),
     "jog.first": (0, 3),
-    "jog.sequence": (0, 5),
+    "jog.sequence": (0, jog.STATES - 1),
     "orders.jog": (0, 3),
 }
 #: Largest number of a field of floating point, and longest time, ns.

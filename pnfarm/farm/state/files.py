@@ -118,7 +118,7 @@ class StateFiles:
         """The file of a state; raises :class:`ConfigError` for what is no name."""
         if not _NAME.fullmatch(name):
             raise ConfigError(
-                f"{shown(name)} is no name of a state: a letter or digit, then up to 63 letters, digits, '-', '_' and '.'"
+                f"{shown(name)} is no name of a state: up to 64 letters, digits, '-', '_', '.', no sign first"
             )
         return self._folder / f"{name}.json"
 
