@@ -179,9 +179,12 @@ def put_octets(columns: Columns, index: int, octets: Any) -> None:
     own = axis.ethernetip
     own.targets_seen, own.starts_seen = own.settings.targets_set, own.settings.starts
     own.enables_seen = own.settings.enables
-    commands = axis.commands
-    for number in range(int(commands.tail), int(commands.settings.head)):
-        if int(commands.settings.ring[number % COMMANDS]) & 0xFF not in {CMD_HOLD_FAULT, CMD_RELEASE_FAULT}:
-            commands.settings.ring[number % COMMANDS] = 0
+    commands, ring = axis.commands, axis.commands.settings.ring
+    tail, head = int(commands.tail), int(commands.settings.head)
+    waiting = [int(ring[(tail + number) % COMMANDS]) for number in range((head - tail) & 0xFFFFFFFF)]
+    held = [command for command in waiting if command & 0xFF in {CMD_HOLD_FAULT, CMD_RELEASE_FAULT}]
+    for number, command in enumerate(held, head - len(held)):
+        ring[number % COMMANDS] = command
+    commands.tail = (head - len(held)) & 0xFFFFFFFF
     # the reaction to a fault is measured from where it began
     columns.observed[index].fault_ns = axis.faults.since_ns if axis.faults.code[0] else 0

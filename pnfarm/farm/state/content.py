@@ -49,18 +49,14 @@ class TakenState:
         self._stations = {station.configured_name: plain_station(station) for station in core.stations}
         self._names = [(axis.station.configured_name, axis.configured_name) for axis in core.axes]
         self._rows: list[Any] = []
-        copies: PlantCopies | None = None
         for begin, end in _blocks(len(core.axes)):
-            last = end == len(core.axes)
-            rows, found = between_ticks(
-                columns,
-                lambda begin=begin, end=end, last=last: (  # type: ignore[misc]
-                    columns.axis[begin:end].copy(),
-                    plant.table.copies() if last and plant is not None else None,
-                ),
-            )
+
+            def copied(begin: int = begin, end: int = end) -> tuple[Any, PlantCopies | None]:
+                with_plant = None if plant is None or end < len(core.axes) else plant.table.copies()
+                return columns.axis[begin:end].copy(), with_plant
+
+            rows, copies = between_ticks(columns, copied)
             self._rows.append(rows)
-            copies = found or copies
         self._plant = plant
         self._copied = copies
         self._python = python

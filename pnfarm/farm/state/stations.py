@@ -23,6 +23,8 @@ __all__ = ["check_station", "memory_of", "notes_of", "plain_station", "put_signa
 _KEYS = ("model", "powered", "controller", "memory", "signals", "axes")
 #: S4 and S5: the power stage is on.
 _IN_OPERATION = 4
+#: Faults have 24 bits.
+_FAULTS = 1 << 24
 #: Characters of a controller's name or address.
 _LONGEST = 100
 
@@ -62,7 +64,10 @@ def check_station(station: Station, state: Any) -> None:
     for axis in station.axes:
         _check_axis(axis, state["axes"][axis.configured_name])
     try:
-        station.device.check(memory_of(station, state))
+        memory = memory_of(station, state)
+        station.device.check(memory)
+        for axis in station.axes:
+            _check_memory(axis, memory)
         _check_signals(station, state["signals"])
     except (ConfigError, EnvironmentError_) as exc:
         raise RefusedState(f"{name}: {exc}") from exc
@@ -78,6 +83,15 @@ def _check_axis(axis: Axis, state: Any) -> None:
         axis.store.check_in_force(mapped(state["parameters"], f"`parameters` of {name}"))
     except (ConfigError, ParameterError) as exc:
         raise RefusedState(f"{name}: {exc}") from exc
+
+
+def _check_memory(axis: Axis, memory: Mapping[str, Any]) -> None:
+    """What the bus's device does not know of: saved values and faults of any of its axes."""
+    if (kept := memory.get(axis.key("drive"))) is not None:
+        mapped(kept, f"`{axis.key('drive')}`")
+    faults = memory.get(axis.key("faults"), [])
+    if not isinstance(faults, list) or not all(type(one) is int and 0 <= one < _FAULTS for one in faults):
+        raise RefusedState(f"`{axis.key('faults')}` is {shown(faults)}, not a list of faults")
 
 
 def _check_signals(station: Station, state: Any) -> None:
