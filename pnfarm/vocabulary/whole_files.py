@@ -14,7 +14,7 @@ __all__ = ["write_whole"]
 
 
 def write_whole(files: Mapping[Path, bytes], mode: int | None = None) -> None:
-    """Write all files beside their places before the first takes its place; a link is replaced, not followed.
+    """Write all files beside their places, to the disk, before the first takes its place; a link is not followed.
 
     ``mode``: their permissions; left out, those of the files that they replace.  Raises :class:`OSError` with the
     path of ``files`` whose file could not be written.
@@ -31,6 +31,8 @@ def write_whole(files: Mapping[Path, bytes], mode: int | None = None) -> None:
                 if wanted is not None:
                     os.fchmod(fd, wanted)
                 out.write(octets)
+                out.flush()
+                os.fsync(fd)
         for path, own in fresh.items():
             own.replace(path)
     except OSError as exc:

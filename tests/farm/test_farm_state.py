@@ -171,6 +171,37 @@ def test_a_drive_that_was_off_is_off_again():
         line.wait_running()
 
 
+def test_a_drive_that_is_off_is_restored_any_number_of_times():
+    with Line("a") as line:
+        line["a"].power_off()
+        state = taken(line)
+        for _ in range(20):
+            put(line, state)
+        line["a"].power_on()
+        line.wait_running()
+
+
+def test_a_farm_of_devices_alone_has_a_state(tmp_path):
+    text = cell_text("profinet", tmp_path).partition("plant:")[0]
+    before, _, behind = text.partition("drives:")
+    with Line.from_text(before + behind[behind.index("devices:") : behind.index("controller:")]) as line:
+        island = line.device("island")
+        island.force({"part_present": True})
+        state = taken(line)
+        island.release()
+        put(line, state)
+        assert island.signals.get("part_present") is True
+
+
+@pytest.mark.parametrize("key", ["drive", "faults"])
+def test_memory_that_no_drive_writes_is_refused(key):
+    with Line("a") as line:
+        state = taken(line)
+        state["stations"]["a"]["memory"][key] = [["odd"]]
+        with pytest.raises(RefusedState, match=key):
+            check_state(line.core, state)
+
+
 def test_a_state_of_an_earlier_run_fits_a_later_one(tmp_path):
     with Line("axis-01") as line:
         line.wait_running()

@@ -1,0 +1,98 @@
+"""The saved states of a running farm, for the API and the command line."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import ConfigError
+from pnfarm.farm.events import StateRestored, StateSaved
+from pnfarm.farm.state.content import TakenState, check_state, put_state, take_state
+from pnfarm.farm.state.files import StateFiles
+from pnfarm.farm.state.refused import RefusedState
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from pnfarm.farm.core import FarmCore
+    from pnfarm.farm.state.files import KeptState
+
+__all__ = ["SavedStates"]
+
+
+def _nothing() -> None:
+    pass
+
+
+class SavedStates:
+    """``folder``: where their files are, None for a farm without a place for them.
+
+    ``now``: the farm's clock; ``poke``: has its runtime look at a change.
+    """
+
+    def __init__(
+        self,
+        core: FarmCore,
+        folder: Path | None,
+        now: Callable[[], int],
+        poke: Callable[[], object] = _nothing,
+    ) -> None:
+        self._core = core
+        self._folder = folder
+        self._now = now
+        self._poke = poke
+        #: One save or restore at a time.
+        self._busy = asyncio.Lock()
+
+    async def kept(self) -> list[KeptState]:
+        """Those that there are; none without a folder."""
+        return [] if self._folder is None else await asyncio.to_thread(StateFiles(self._folder).kept)
+
+    async def save(self, name: str) -> list[str]:
+        """Save the farm as it is, also over an earlier state; a sentence for whatever is not saved.
+
+        Raises :class:`ConfigError` or :class:`EnvironmentError_`; an earlier state is still there then.
+        """
+        files = self._files()
+        files.path(name)
+        async with self._busy:
+            taken = take_state(self._core)
+            await asyncio.to_thread(self._write, files, name, taken)
+        self._core.log.record(self._now(), "", StateSaved(name))
+        return taken.notes
+
+    async def restore(self, name: str, *, only_check: bool = False) -> list[str]:
+        """Put the farm into a state; a sentence for whatever is not as it was.
+
+        Raises :class:`UnknownState`, :class:`ConfigError` or :class:`EnvironmentError_`; nothing is changed then.
+        """
+        files = self._files()
+        async with self._busy:
+            found: Any = await asyncio.to_thread(files.read, name)
+            try:
+                state = check_state(self._core, found)
+            except RefusedState as exc:
+                raise RefusedState(f"state {name} cannot be restored: {exc}") from exc
+            if only_check:
+                return []
+            notes = put_state(self._core, state, self._now())
+        self._core.log.record(self._now(), "", StateRestored(name))
+        self._poke()
+        return notes
+
+    async def delete(self, name: str) -> None:
+        """Delete a state; raises :class:`UnknownState`, :class:`ConfigError` or :class:`EnvironmentError_`."""
+        await asyncio.to_thread(self._files().delete, name)
+
+    @staticmethod
+    def _write(files: StateFiles, name: str, taken: TakenState) -> None:
+        files.write(name, taken.plain())
+
+    def _files(self) -> StateFiles:
+        if self._folder is None:
+            raise ConfigError(
+                "the farm has no folder for states: give it `state: FOLDER`, or `pnfarm up --state DIR`; "
+                "a database is none"
+            )
+        return StateFiles(self._folder)
