@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from moment_cell import POSITIONS, cell_text
+
+from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.state import axis_fields
 from pnfarm.farm.state.content import check_state, put_state, take_state
 from pnfarm.farm.state.files import StateFiles
 from pnfarm.farm.state.refused import RefusedState
 from pnfarm.farm.state.states import SavedStates
-
-from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.testing import Line
 
 BUSES = ("profinet", "ethernetip", "profibus")
