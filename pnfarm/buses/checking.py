@@ -125,12 +125,12 @@ class CheckingBus(Bus):
 
         ``asked``: what its controller asks for, and not all that it offers.
         """
-        facts: StationFacts = self._own("plant", "facts_of")(config, model, asked=asked)
+        facts: StationFacts = self._own("checking", "facts_of")(config, model, asked=asked)
         return facts
 
     def planned_facts(self, plan: Any) -> StationFacts:
         """A device that only the controller's section names, by the plan of the bus's controller for it."""
-        facts: StationFacts = self._own("plant", "planned_facts")(plan)
+        facts: StationFacts = self._own("checking", "planned_facts")(plan)
         return facts
 
     async def read_stations(self, question: CheckQuestion) -> CheckAnswer:
@@ -140,7 +140,7 @@ class CheckingBus(Bus):
 
     def checked_line(self, link: Any, port: Any, expected: Sequence[StationFacts], own: int, baud: int) -> CheckedLine:
         """The search on a line, by a station with an own address."""
-        search: CheckedLine = self._own("plant", "checked_line")(link, port, expected, own, baud)
+        search: CheckedLine = self._own("checking", "checked_line")(link, port, expected, own, baud)
         return search
 
 
