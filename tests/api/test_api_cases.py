@@ -207,8 +207,9 @@ def test_no_request_after_the_description_is_answered_by_a_server_error(describe
         seen.add((method, path, response.status_code // 100))
         if number % 100 == 99:
             world.line.run(0.05)
-    # each operation was had, not only refused
-    assert {(method, path) for method, path, kind in seen if kind == 2} == {(m, p) for m, p, _ in operations}
+    # each operation was had, not only refused; this farm has no folder for states (test_api_states has one)
+    had = {(method, path) for method, path, kind in seen if kind == 2}
+    assert had == {(m, p) for m, p, _ in operations if not p.startswith("/api/v1/states/")}
     world.post("/api/v1/reset")
     for drive in ("axis-01", "axis-02"):
         # hands have switched off, plugged and pulled, too

@@ -20,11 +20,11 @@ from pnfarm.vocabulary.issues import FarmFileError
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "configs" / "scenarios"
 SCENARIOS = sorted(path.name.removesuffix(".scenario.yml") for path in LIBRARY.glob("*.scenario.yml"))
-#: The wrong ones; the others are right, or blocks of a library.
+#: The wrong ones; the others are right, blocks of a library, or those of a cell with scenarios of its own.
 PROGRAMS = sorted(
     path.stem
     for path in (ROOT / "configs" / "programs").glob("*.py")
-    if path.stem != "right" and not path.stem.startswith("sina_")
+    if path.stem != "right" and not path.stem.startswith(("sina_", "pick_and_place"))
 )
 #: What keeps a run short: two drives, values of variables.
 ONE = {"axis": "axis-01"}
