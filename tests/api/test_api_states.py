@@ -6,9 +6,9 @@ import httpx
 import pytest
 from api_world import ApiWorld, assert_problem
 from hub_world import TOKEN, HubWorld
-from pnfarm.farm.state.states import SavedStates
 
 from pnfarm.api import make_app
+from pnfarm.farm.state.states import SavedStates
 
 
 def serve(world, farm, clock, folder, **options):

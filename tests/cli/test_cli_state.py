@@ -5,9 +5,9 @@ from __future__ import annotations
 import httpx
 from api_client import Farm
 from api_world import ApiWorld
-from pnfarm.farm.state.states import SavedStates
 
 from pnfarm.api import make_app
+from pnfarm.farm.state.states import SavedStates
 
 
 def test_commands_save_restore_list_and_delete(pnfarm, monkeypatch, tmp_path):

@@ -8,11 +8,11 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from moment_cell import cell_text
+
+from pnfarm.errors import DecodeError
 from pnfarm.farm.state.content import check_state, take_state
 from pnfarm.farm.state.files import parse_state
 from pnfarm.farm.state.refused import RefusedState
-
-from pnfarm.errors import DecodeError
 from pnfarm.testing import Line
 
 __all__ = ["check_changed", "saved_states"]
