@@ -32,7 +32,8 @@ REQUIRE_ALL = "PNFARM_REQUIRE_ALL"
 TESTS = Path(__file__).resolve().parent
 #: Folders and files whose tests use real time or the kernel's network; the replay takes what all others kept.
 EXCLUSIVE = (
-    "api/test_api_limits.py", "api/page/test_api_page.py", "api/page/test_api_page_devices.py", "api/page/test_api_page_plant.py",
+    "api/test_api_limits.py", "api/page/test_api_page.py", "api/page/test_api_page_devices.py",
+    "api/page/test_api_page_plant.py",
     "api/test_api_server.py", "buses/profibus/test_profibus_line.py",
     "cli/test_cli_attacked.py", "cli/test_cli_bench.py", "cli/test_cli_client.py", "cli/test_cli_demo.py",
     "cli/test_cli_log_limit.py", "cli/test_cli_memory.py", "cli/test_cli_run_library.py",
