@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pnfarm.user_code.worker import Worker
+from pnfarm.user_code.worker import Caller
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -176,7 +176,7 @@ class Moment:
 
 def _is_apart(one: object) -> bool:
     """Whether it is no content: a thread, what threads have in common, a file."""
-    return isinstance(one, Worker) or type(one).__module__.partition(".")[0] in _APART
+    return isinstance(one, Caller) or type(one).__module__.partition(".")[0] in _APART
 
 
 def _slots(kind: type) -> list[Any]:

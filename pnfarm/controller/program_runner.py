@@ -23,7 +23,7 @@ from pnfarm.station.event import Event, event
 from pnfarm.table.channel import IDLE, OPEN
 from pnfarm.table.signals import STW2
 from pnfarm.user_code.file import error_text, place_of
-from pnfarm.user_code.worker import Call, Worker
+from pnfarm.user_code.worker import Call, Caller
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -165,8 +165,7 @@ class ProgramRunner:
         self._busy_until_ns = 0
         #: End of the cycle that is missed.
         self._missing_until_ns = 0
-        self._worker = Worker()
-        self._abandoned: list[Worker] = []
+        self._caller = Caller()
         self.line = Line(controllers.line_devices())
         self._axes = [
             _Axis(each, kind, self.line) for each in controllers.programmed() if each.device.signals is not None
@@ -268,16 +267,8 @@ class ProgramRunner:
 
     def _call(self, axes: Sequence[_Axis], now: int) -> None:
         calls = [Call(partial(axis.program.cycle, axis.inputs, axis.outputs, now)) for axis in axes]
-        begun = 0
-        while begun < len(calls):
-            stuck = self._worker.run(calls[begun:], self._limit_ns)
-            if stuck is None:
-                break
-            # the others go on with another thread
-            self._abandoned.append(self._worker)
-            self._worker = Worker()
-            begun = calls.index(stuck) + 1
-            axis = axes[begun - 1]
+        for stuck in self._caller.run(calls, self._limit_ns):
+            axis = axes[calls.index(stuck)]
             text = f"cycle() did not return within {self._limit_ns / 1e9:g} s"
             self._fail(axis, text, type(axis.program).cycle.__code__.co_filename, _first_line(axis.program), now)
         for axis, call in zip(axes, calls, strict=True):
@@ -301,8 +292,7 @@ class ProgramRunner:
 
     def close(self) -> None:
         """End the threads; one that waits in the kernel ends with the process."""
-        for worker in (self._worker, *self._abandoned):
-            worker.close()
+        self._caller.close()
 
 
 def _providers(columns: Columns) -> dict[int, int]:

@@ -434,8 +434,6 @@ class Farm:
                 self.log.record(now, "", FarmStopped())
             for models in self._plant:
                 await asyncio.to_thread(models.close)
-            if self._core is not None and self._core.plant is not None:
-                await asyncio.to_thread(self._core.plant.close)
             if self._driver is not None:
                 await self._driver.close()
         finally:
@@ -445,6 +443,9 @@ class Farm:
                 stack.push_async_callback(self.link.close)
                 if self.capture is not None:
                     stack.push_async_callback(asyncio.to_thread, self.capture.stop)
+                if self._core is not None and self._core.plant is not None:
+                    # in memory its models step with the farm, until the driver is closed
+                    stack.push_async_callback(asyncio.to_thread, self._core.plant.close)
                 for action in self.on_close:
                     stack.push_async_callback(action)
 

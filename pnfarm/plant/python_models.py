@@ -17,7 +17,7 @@ from pnfarm.plant.events import PlantModelFailed, PlantModelLate
 from pnfarm.plant.python_file import ModelClass
 from pnfarm.plant.python_state import check_state, put_state, state_of
 from pnfarm.user_code.file import error_text, place_of, placed
-from pnfarm.user_code.worker import Call, Worker
+from pnfarm.user_code.worker import Call, Caller
 from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class PythonModels:
         self._models = [_Model(one, values) for one in models]
         self._note = note
         self._late = late
-        self._worker = Worker()
+        self._caller = Caller()
         #: Who calls models: their thread, or who saves or restores them.
         self._calling = threading.Lock()
 
@@ -119,19 +119,12 @@ class PythonModels:
 
     def _step(self, now: int) -> None:
         due = [model for model in self._models if not model.failure and model.due_ns <= now]
-        while due:
-            calls = [Call(partial(model.step, (now - model.last_ns) / 1e9)) for model in due]
-            late = self._worker.run(calls, LIMIT_NS)
-            if late is not None:
-                self._worker = Worker()
-            rest = []
-            for model, call in zip(due, calls, strict=True):
-                if call is not late and call.duration_ns is None:
-                    # behind one that did not return
-                    rest.append(model)
-                    continue
-                self._done(model, call, now, gone=call is late)
-            due = rest
+        if not due:
+            return
+        calls = [Call(partial(model.step, (now - model.last_ns) / 1e9)) for model in due]
+        stuck = self._caller.run(calls, LIMIT_NS)
+        for model, call in zip(due, calls, strict=True):
+            self._done(model, call, now, gone=call in stuck)
 
     def states(self) -> tuple[dict[str, Any], list[str]]:
         """The state of each by name, and a sentence for whatever is not in it.  Raises :class:`ConfigError`."""
@@ -174,18 +167,17 @@ class PythonModels:
         if not self._calling.acquire(timeout=LIMIT_NS / 1e9):
             raise ConfigError(f"plant model {model.name} cannot be {what}: it is busy")
         try:
-            if (late := self._worker.run([call], LIMIT_NS)) is not None:
-                self._worker = Worker()
+            stuck = self._caller.run([call], LIMIT_NS)
         finally:
             self._calling.release()
-        if late is not None or call.error is not None:
+        if stuck or call.error is not None:
             why = error_text(call.error) if call.error is not None else f"no return within {LIMIT_NS / 1e9:g} s"
             raise ConfigError(f"plant model {model.name} cannot be {what}: {why}")
         return found[0]
 
     def close(self) -> None:
-        """End the thread of the models."""
-        self._worker.close()
+        """End the threads of the models."""
+        self._caller.close()
 
     def snapshot(self) -> dict[str, dict[str, Any]]:
         """How far each is, by name."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 import pytest
 
-from pnfarm.farm.file.reading import FarmFileError, parse_farm
+from pnfarm.farm.farm import Farm
+from pnfarm.farm.file.reading import FarmFileError, load_farm, parse_farm
 from pnfarm.testing import Line
 
 HEAD = """farm: t
@@ -185,3 +187,31 @@ def test_a_model_that_gives_what_is_no_number_fails_with_a_sentence(tmp_path: Pa
 def test_a_farm_file_is_read_without_running_the_files_of_its_models(tmp_path: Path):
     file = _with_file(tmp_path, "raise SystemExit(3)\n")
     assert parse_farm(file.read_text(), file).plant is not None
+
+
+def test_a_farm_in_memory_ends_while_a_model_in_python_steps(tmp_path: Path):
+    async def run() -> None:
+        async with Farm(load_farm(_with_file(tmp_path, MODEL))) as farm:
+            # time passes in the event loop: a step of the model is due each 5 ms
+            for _ in range(1000):
+                await asyncio.sleep(0.01)
+                if farm.core.plant is not None and farm.core.plant.python.snapshot()["b"]["steps"]:
+                    break
+
+    asyncio.run(asyncio.wait_for(run(), 60.0))
+
+
+def test_a_model_that_does_not_return_stops_alone_and_those_behind_it_go_on(tmp_path: Path):
+    (tmp_path / "hangs.py").write_text(
+        "class Hangs:\n    outputs = {'on': bool}\n    def step(self, dt):\n        while True: pass\n"
+    )
+    (tmp_path / "counts.py").write_text(
+        "class Counts:\n    outputs = {'n': float}\n    def step(self, dt):\n        self.n += 1\n"
+    )
+    file = tmp_path / "t.pnfarm.yml"
+    file.write_text(HEAD + "  models: [{name: h, python: hangs.py}, {name: c, python: counts.py}]\n")
+    with Line.from_file(file) as line:
+        line.run(0.1)
+        (failed,) = line.events("plant model failed")
+        assert (failed.data["model"], failed.data["error"]) == ("h", "no return within 1 s")
+        assert line.plant.c.n == pytest.approx(100, abs=1)
