@@ -18,7 +18,7 @@ _TRAVEL, _FED, _TAKEN, _BEGUN, _COUNT = 12, 13, 14, 15, 16
 _FIRST = 17
 #: And its ports.
 _IN_TRAVEL, _IN_RUN, _IN_FEED, _IN_TAKE, _IN_JAM = 0, 1, 2, 3, 4
-_OUT_AT, _OUT_END, _OUT_PARTS, _OUT_FED, _OUT_LEFT = 5, 13, 14, 15, 16
+_OUT_AT, _OUT_END, _OUT_PARTS, _OUT_FED, _OUT_LEFT, _OUT_FRONT = 5, 13, 14, 15, 16, 17
 
 
 @inlined
@@ -32,7 +32,7 @@ def _remove(memory: Any, number: int) -> None:
 
 @inlined
 def step_conveyor(values: Any, memory: Any, seconds: float) -> None:
-    """Ports: travel, run, feed, take, jam; at_1 to at_8, at_end, parts, fed, left.
+    """Ports: travel, run, feed, take, jam; at_1 to at_8, at_end, parts, fed, left, front.
 
     Parts are kept by the places of their fronts, the furthest one first.  A belt that runs backwards loses them at its
     begin.
@@ -87,6 +87,7 @@ def step_conveyor(values: Any, memory: Any, seconds: float) -> None:
         values[_OUT_AT + sensor] = seen
     values[_OUT_END] = 1.0 if count > 0 and memory[_FIRST] >= memory[_LENGTH] else 0.0
     values[_OUT_PARTS] = count
+    values[_OUT_FRONT] = memory[_FIRST] if count > 0 else 0.0
 
 
 CONVEYOR = Behaviour(
@@ -106,6 +107,7 @@ CONVEYOR = Behaviour(
         number("parts", "parts on the belt"),
         number("fed", "parts put on it so far"),
         number("left", "parts taken away, or fallen off its end"),
+        number("front", "where the furthest part's front is, 0 without a part"),
     ),
     parameters=(
         quantity("length", "from its begin to its end", low=0.0),

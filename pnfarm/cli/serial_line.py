@@ -82,6 +82,7 @@ async def run_on_line(link: SerialLink, bus: str, station: str, make: Callable[[
         while not work.done:
             due = work.next_deadline()
             left = _LOOK_SECONDS if due is None else (due - time.monotonic_ns()) / 1e9
+            # what came in is taken at the next look, at the latest when it is due
             await asyncio.sleep(min(max(left, 0), _LOOK_SECONDS))
             work.service(time.monotonic_ns())
         return work

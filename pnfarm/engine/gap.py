@@ -45,4 +45,5 @@ def between_ticks(columns: Columns, action: Callable[[], _T]) -> _T:
             raise EnvironmentError_(
                 f"the engine had no rest between two ticks for {_PATIENCE_NS / 1e9:g} s: the machine is too busy"
             )
+        # the engine's thread has nothing to wait for: its row says when it ticks
         time.sleep(_LOOK_SECONDS)

@@ -21,7 +21,7 @@ from pnfarm.engine.channels.schedule import ChannelTable
 from pnfarm.engine.columns import allocate
 from pnfarm.engine.lateness import LatenessRecord
 from pnfarm.errors import ConfigError, InternalError
-from pnfarm.farm.events import EngineEventsLost
+from pnfarm.farm.engine_events import EngineEvents
 from pnfarm.farm.file.places import NO_FILE, FilePlaces
 from pnfarm.farm.injections import make_manager
 from pnfarm.farm.realism import imperfections
@@ -37,18 +37,8 @@ from pnfarm.links.sockets import sockets_of
 from pnfarm.plant.plant import Plant
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.station.axis import Axis
-from pnfarm.station.events import (
-    AcknowledgeRefused,
-    ControlBitChanged,
-    FaultRaised,
-    FaultReacted,
-    FaultsCleared,
-    StateChanged,
-    WarningChanged,
-)
 from pnfarm.station.imperfections import Imperfections
 from pnfarm.station.station import Station
-from pnfarm.table import engine_row
 from pnfarm.table.access.fresh_rows import FreshRows, Same
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.trace import TraceManager
@@ -72,11 +62,6 @@ if TYPE_CHECKING:
     from pnfarm.station.node import StationNode
     from pnfarm.station.plain_signals import NamedSignals
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
-
-#: Events whose row is a consumer's.
-_OF_CONSUMERS = frozenset(
-    {engine_row.FIRST_FRAME, engine_row.EXPIRED, engine_row.PROVIDER_CHANGED, engine_row.IOPS_CHANGED}
-)
 
 __all__ = ["FarmCore"]
 
@@ -172,8 +157,6 @@ class FarmCore:
         self._by_name: dict[str, Station] = {}
         self._axis_by_name: dict[str, Axis] = {}
         self._deadlines = Deadlines()
-        self._tail = 0
-        self.events_lost = 0
         for config, model, port in zip(drives, known, ports[: len(drives)], strict=True):
             index = len(self.axes)
             flaws = imperfections(config.realism, model, config.name, by_source=config.realism_by_source)
@@ -239,6 +222,9 @@ class FarmCore:
         )
         parts = () if self.plant is None else self.plant.parts.values()
         self.traces = TraceManager(self.axes, self.devices.values(), parts, self.columns, log)
+        self._engine_events = EngineEvents(
+            self.columns, self._by_image, self.axes, log, self.injections, self.traces, self.plant
+        )
         gate.set_receiver(self.receive)
         self._served: dict[int, tuple[int, Services]] = {}
         if self._sockets is not None:
@@ -533,8 +519,14 @@ class FarmCore:
         if isinstance(owner, Station):
             self.settle(owner, now)
 
+    @property
+    def events_lost(self) -> int:
+        """Events of the engine that were overwritten before they were read."""
+        return self._engine_events.lost
+
     def service(self, now: int) -> None:
-        self._drain(now)
+        for touched in self._engine_events.drain(now):
+            self.settle(touched, now)
         for index in self._deadlines.take(now):
             station = self._by_image[index]
             station.handle_timeout(now)
@@ -553,73 +545,3 @@ class FarmCore:
             if due is not None and (first is None or due < first):
                 first = due
         return first
-
-    # -- the engine's events -----------------------------------------------------------------------------------------
-
-    def _drain(self, now: int) -> None:
-        head = int(self.columns.engine[0].event_head)
-        size = self.columns.events.shape[0]
-        if head - self._tail > size:
-            self.events_lost += head - self._tail - size
-            self.log.record(now, "", EngineEventsLost(head - self._tail - size))
-            self._tail = head - size
-            self._catch_up(now)
-        touched: dict[int, Station] = {}
-        while self._tail < head:
-            # as a tuple, in the order of the layout: each attribute would take a microsecond
-            kind, row, when, value = self.columns.events[self._tail % size].item()
-            self._tail += 1
-            station = self._take(kind, row, when, value, now)
-            if station is not None:
-                touched[station.index] = station
-        for station in touched.values():
-            self.settle(station, now)
-
-    def _catch_up(self, now: int) -> None:
-        """The ring of events overflowed: derive the connections' events from the rows themselves."""
-        for station in self.stations:
-            station.device.catch_up(now)
-            self.settle(station, now)
-
-    def _take(self, kind: int, row: int, when: int, value: int, now: int) -> Station | None:
-        if kind in _OF_CONSUMERS:
-            station = self._by_image[int(self.columns.cpm[row].image)]
-            return station if station.device.channel_event(kind, row, when, value, now) else None
-        if kind == engine_row.TRACE_TRIGGERED:
-            self.traces.triggered(row, when)
-            return None
-        if kind == engine_row.CONDITION_HELD:
-            self.injections.condition_held(row, value, when)
-            return None
-        if kind == engine_row.PLANT_CHANGED and self.plant is not None:
-            self.plant.changed(now)
-            return None
-        if kind == engine_row.TRACE_ENDED:
-            self.traces.ended(row, when)
-            return None
-        axis = self.axes[row]
-        name = axis.configured_name
-        match kind:
-            case engine_row.STATE_CHANGED:
-                self.log.record(when, name, StateChanged(value >> 8, value & 0xFF))
-            case engine_row.FAULT_RAISED:
-                axis.fault_raised(value, when)
-                self.log.record(when, name, FaultRaised(value))
-            case engine_row.FAULTS_CLEARED:
-                axis.faults_cleared(when)
-                self.log.record(when, name, FaultsCleared(value))
-            case engine_row.FAULT_REACTED:
-                self.log.record(when, name, FaultReacted(value))
-            case engine_row.CONTROL_BIT_CHANGED:
-                after = value & ((1 << 55) - 1)
-                self.log.record(when, name, ControlBitChanged(value >> 56, value >> 55 & 1, after))
-            case engine_row.WARNING_CHANGED:
-                self.log.record(when, name, WarningChanged(value))
-            case engine_row.ACKNOWLEDGE_REFUSED:
-                axis.refused_ns = when
-                self.log.record(when, name, AcknowledgeRefused(value))
-            case engine_row.PARAMETER_TASK:
-                axis.device.parameter_task(axis.number, value, now)
-            case _:
-                return None
-        return self._by_image[row]

@@ -34,7 +34,7 @@ class Carrier:
             begun = time.perf_counter()
             try:
                 found = action()
-            except BaseException as exc:  # noqa: BLE001 - carried to the caller
+            except BaseException as exc:  # noqa: BLE001 - carried to the caller, which would wait for ever
                 done.set_exception(exc)
             else:
                 spent = time.perf_counter() - begun
@@ -43,5 +43,6 @@ class Carrier:
         async with self._lock:
             self._loop.call_soon_threadsafe(run)
             found = await asyncio.wrap_future(done)
+            # so long the farm's loop is the drives' alone
             await asyncio.sleep(_REST * spent)
         return found

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.table.channel import W_START
 from pnfarm.table.engine_row import EVENTS, EXPIRED, emit
+from pnfarm.testing import Line
+
+PICK_AND_PLACE = Path(__file__).parents[2] / "configs" / "pick-and-place.pnfarm.yml"
 
 
 def connected() -> VirtualLine:
@@ -68,3 +73,16 @@ def test_the_controller_ends_a_connection_whose_end_its_ring_lost_and_no_other()
     line.plc.service(line.world.now)
     assert session.state is SessionState.WAIT
     assert "data hold time" in session.measures.last_reason
+
+
+def test_inputs_that_a_plant_gives_go_on_although_the_ring_lost_its_report() -> None:
+    with Line.from_file(PICK_AND_PLACE) as line:
+        line.run(1.0)
+        assert line.device("island").signals["part_present"]
+        # one is under way, and lost
+        line.plant.handling.starved = True
+        row = line.core.plant.row
+        row.reported += 1
+        overrun(line.core.columns)
+        line.core.service(line.now_ns)
+        line.wait_until(lambda: not line.device("island").signals["part_present"], 10.0)

@@ -17,7 +17,7 @@ from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.state import axis_fields
 from pnfarm.farm.state.content import check_state, put_state, take_state
 from pnfarm.farm.state.files import StateFiles
-from pnfarm.farm.state.refused import RefusedState
+from pnfarm.farm.state.refused import RefusedStateError
 from pnfarm.farm.state.states import SavedStates
 from pnfarm.testing import Line
 
@@ -198,7 +198,7 @@ def test_memory_that_no_drive_writes_is_refused(key):
     with Line("a") as line:
         state = taken(line)
         state["stations"]["a"]["memory"][key] = [["odd"]]
-        with pytest.raises(RefusedState, match=key):
+        with pytest.raises(RefusedStateError, match=key):
             check_state(line.core, state)
 
 
@@ -218,13 +218,13 @@ def test_a_state_of_an_earlier_run_fits_a_later_one(tmp_path):
 def test_a_state_of_another_farm_file_is_refused_with_the_station(tmp_path):
     with Line("a", "b") as line, Line("a") as fewer, Line("a", "b", model="moog-msd") as others:
         state = taken(line)
-        with pytest.raises(RefusedState, match=r"another farm file: station 'b' is only in the state"):
+        with pytest.raises(RefusedStateError, match=r"another farm file: station 'b' is only in the state"):
             check_state(fewer.core, state)
-        with pytest.raises(RefusedState, match=r"another farm file: a is another model there"):
+        with pytest.raises(RefusedStateError, match=r"another farm file: a is another model there"):
             check_state(others.core, state)
-        with pytest.raises(RefusedState, match=r"another version of pnfarm"):
+        with pytest.raises(RefusedStateError, match=r"another version of pnfarm"):
             check_state(line.core, {**state, "layout": "0"})
-        with pytest.raises(RefusedState, match=r"format 2"):
+        with pytest.raises(RefusedStateError, match=r"format 2"):
             check_state(line.core, {**state, "pnfarm_state": 2})
 
 
@@ -349,7 +349,7 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
 )
 def test_a_file_that_is_no_json_is_refused(tmp_path, octets, why):
     (tmp_path / "x.json").write_bytes(octets)
-    with pytest.raises(RefusedState, match=why):
+    with pytest.raises(RefusedStateError, match=why):
         StateFiles(tmp_path).read("x")
     (tmp_path / "x.json").unlink()
     os.mkfifo(tmp_path / "x.json")
@@ -401,7 +401,7 @@ def test_a_changed_state_is_refused_with_a_sentence_or_fits(cell, data):
     refused = ""
     try:
         check_state(line.core, found)
-    except RefusedState as exc:
+    except RefusedStateError as exc:
         refused = str(exc)
     assert "\n" not in refused
     assert len(refused) < 1000

@@ -12,7 +12,7 @@ from moment_cell import cell_text
 from pnfarm.errors import DecodeError
 from pnfarm.farm.state.content import check_state, take_state
 from pnfarm.farm.state.files import parse_state
-from pnfarm.farm.state.refused import RefusedState
+from pnfarm.farm.state.refused import RefusedStateError
 from pnfarm.testing import Line
 
 __all__ = ["check_changed", "saved_states"]
@@ -34,5 +34,5 @@ def check_changed(data: bytes) -> None:
     """Raises :class:`DecodeError` where the farm refuses them."""
     try:
         check_state(_line().core, parse_state(data, "x"))
-    except RefusedState as exc:
+    except RefusedStateError as exc:
         raise DecodeError("refused", str(exc)) from exc

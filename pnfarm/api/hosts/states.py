@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.state.files import UnknownState
+from pnfarm.farm.state.files import UnknownStateError
 from pnfarm.web.errors import NotFoundError
 
 if TYPE_CHECKING:
@@ -29,12 +29,12 @@ class FarmStates:
     async def restore(self, name: str, *, check: bool) -> dict[str, Any]:
         try:
             return {"state": name, "notes": await self._states.restore(name, only_check=check)}
-        except UnknownState as exc:
+        except UnknownStateError as exc:
             raise NotFoundError(str(exc)) from exc
 
     async def delete(self, name: str) -> dict[str, Any]:
         try:
             await self._states.delete(name)
-        except UnknownState as exc:
+        except UnknownStateError as exc:
             raise NotFoundError(str(exc)) from exc
         return {"state": name, "notes": []}

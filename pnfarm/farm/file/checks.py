@@ -92,9 +92,8 @@ def _check_plant(sections: FarmSections, known: Known, folder: Path, report: Rep
     """The plant as far as no file of a model is run."""
     if sections.plant is None:
         return
-    # behaviours are compiled code: a file without a plant is read without the compiler
-    from pnfarm.plant.axis_ports import PlantAxis  # noqa: PLC0415 - see above
-    from pnfarm.plant.plan import plan_plant  # noqa: PLC0415 - see above
+    from pnfarm.plant.axis_ports import PlantAxis  # noqa: PLC0415 - takes the compiler with it
+    from pnfarm.plant.plan import plan_plant  # noqa: PLC0415 - the same
 
     axes = {
         axis.name: PlantAxis.of(described, axis.load)

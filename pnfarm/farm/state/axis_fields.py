@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.farm.state.refused import RefusedState, listed, mapped
+from pnfarm.farm.state.refused import RefusedStateError, listed, mapped
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.motion import jog, positioning
 from pnfarm.firmware.profidrive import sensor_interface
@@ -129,13 +129,13 @@ def _plain(key: str, field: Field, value: Any, last_ns: int) -> Any:
 
 
 def check_fields(fields: Any, axis: str) -> dict[str, Any]:
-    """What :func:`fields_of` gave of an axis of this name; raises :class:`RefusedState`."""
+    """What :func:`fields_of` gave of an axis of this name; raises :class:`RefusedStateError`."""
     mapped(fields, f"`fields` of {axis}", _FIELDS.keys())
     for key, field in _FIELDS.items():
         what = f"{key} of {axis}"
         for value in listed(fields[key], what, field.shape[0]) if field.shape else [fields[key]]:
             if not _fits(key, field, value):
-                raise RefusedState(f"{what} cannot be {shown(value)}")
+                raise RefusedStateError(f"{what} cannot be {shown(value)}")
     return dict(fields)
 
 

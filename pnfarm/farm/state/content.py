@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.engine.gap import between_ticks
 from pnfarm.farm.state.axis_fields import LAYOUT, fields_of, octets_of, put_octets
 from pnfarm.farm.state.plant import check_plant, filled, plain_plant
-from pnfarm.farm.state.refused import RefusedState, mapped
+from pnfarm.farm.state.refused import RefusedStateError, mapped
 from pnfarm.farm.state.stations import check_station, memory_of, notes_of, plain_station, put_signals
 from pnfarm.station.fault_memory import active_of
 from pnfarm.vocabulary.quoting import shortened, shown
@@ -88,18 +88,18 @@ def take_state(core: FarmCore) -> TakenState:
 
 
 def check_state(core: FarmCore, state: Any) -> dict[str, Any]:
-    """A state that can be put into this farm; raises :class:`RefusedState` with what is wrong."""
+    """A state that can be put into this farm; raises :class:`RefusedStateError` with what is wrong."""
     found = mapped(state, "it")
     if found.get("pnfarm_state") != FORMAT:
-        raise RefusedState(f"it has format {shown(found.get('pnfarm_state'))}; this pnfarm reads format {FORMAT}")
+        raise RefusedStateError(f"it has format {shown(found.get('pnfarm_state'))}; this pnfarm reads format {FORMAT}")
     if found.get("layout") != LAYOUT:
-        raise RefusedState("it is of another version of pnfarm, whose drives have other fields")
+        raise RefusedStateError("it is of another version of pnfarm, whose drives have other fields")
     mapped({key: one for key, one in found.items() if key != "saved"}, "it", _KEYS)
     stations = mapped(found["stations"], "`stations`")
     names = {station.configured_name for station in core.stations}
     for name in sorted({*stations} ^ names):
         where = "the farm" if name in names else "the state"
-        raise RefusedState(f"it is of another farm file: station {shown(name)} is only in {where}")
+        raise RefusedStateError(f"it is of another farm file: station {shown(name)} is only in {where}")
     for station in core.stations:
         check_station(station, stations[station.configured_name])
     check_plant(core.plant, found["plant"])

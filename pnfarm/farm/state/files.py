@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pnfarm.errors import ConfigError, EnvironmentError_
-from pnfarm.farm.state.refused import RefusedState
+from pnfarm.farm.state.refused import RefusedStateError
 from pnfarm.vocabulary.quoting import shown
 from pnfarm.vocabulary.regular_file import read_regular
 from pnfarm.vocabulary.whole_files import write_whole
@@ -15,7 +15,7 @@ from pnfarm.vocabulary.whole_files import write_whole
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["FOLDER", "KeptState", "StateFiles", "UnknownState", "parse_state"]
+__all__ = ["FOLDER", "KeptState", "StateFiles", "UnknownStateError", "parse_state"]
 
 #: Below the farm's state folder.
 FOLDER = "states"
@@ -26,7 +26,7 @@ _DEEPEST = 64
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
-class UnknownState(ConfigError):  # noqa: N818 - named after what it is about
+class UnknownStateError(ConfigError):
     """There is no state of this name."""
 
 
@@ -39,18 +39,18 @@ class KeptState(NamedTuple):
 
 
 def parse_state(data: bytes, name: str) -> Any:
-    """What is in the file of this state; raises :class:`RefusedState`."""
+    """What is in the file of this state; raises :class:`RefusedStateError`."""
     begin = f"state {name} cannot be restored: its file is"
     try:
         found = json.loads(data, parse_constant=_refuse_constant)
     except RecursionError as exc:
-        raise RefusedState(f"{begin} nested too deeply") from exc
+        raise RefusedStateError(f"{begin} nested too deeply") from exc
     except ValueError as exc:
-        raise RefusedState(f"{begin} damaged, it is not JSON: {exc}") from exc
+        raise RefusedStateError(f"{begin} damaged, it is not JSON: {exc}") from exc
     level, depth = [found], 0
     while level:
         if depth > _DEEPEST:
-            raise RefusedState(f"{begin} nested too deeply")
+            raise RefusedStateError(f"{begin} nested too deeply")
         inside = [one for one in level if isinstance(one, dict | list)]
         level = [part for one in inside for part in (one.values() if isinstance(one, dict) else one)]
         depth += 1
@@ -80,7 +80,7 @@ class StateFiles:
         return sorted(found)
 
     def read(self, name: str) -> Any:
-        """One of them; raises :class:`UnknownState`, :class:`RefusedState` or :class:`EnvironmentError_`."""
+        """One of them; raises :class:`UnknownStateError`, :class:`RefusedStateError` or :class:`EnvironmentError_`."""
         try:
             data = read_regular(self.path(name), MOST_OCTETS + 1)
         except FileNotFoundError as exc:
@@ -88,7 +88,7 @@ class StateFiles:
         except OSError as exc:
             raise self._failed(f"read state {name}", exc) from exc
         if len(data) > MOST_OCTETS:
-            raise RefusedState(f"state {name} cannot be restored: its file has more than {MOST_OCTETS} octets")
+            raise RefusedStateError(f"state {name} cannot be restored: its file has more than {MOST_OCTETS} octets")
         return parse_state(data, name)
 
     def write(self, name: str, state: Any) -> None:
@@ -106,7 +106,7 @@ class StateFiles:
             raise self._failed(f"write state {name}", exc) from exc
 
     def delete(self, name: str) -> None:
-        """Delete one; raises :class:`UnknownState` or :class:`EnvironmentError_`."""
+        """Delete one; raises :class:`UnknownStateError` or :class:`EnvironmentError_`."""
         try:
             self.path(name).unlink()
         except FileNotFoundError as exc:
@@ -122,8 +122,8 @@ class StateFiles:
             )
         return self._folder / f"{name}.json"
 
-    def _unknown(self, name: str) -> UnknownState:
-        return UnknownState(f"there is no state {name} in {self._folder}; `pnfarm state list` lists them")
+    def _unknown(self, name: str) -> UnknownStateError:
+        return UnknownStateError(f"there is no state {name} in {self._folder}; `pnfarm state list` lists them")
 
     def _failed(self, what: str, exc: OSError) -> EnvironmentError_:
         why = exc.strerror or str(exc)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.behaviours.declaration import Behaviour
 from pnfarm.errors import ConfigError
-from pnfarm.farm.state.refused import RefusedState, listed, mapped
+from pnfarm.farm.state.refused import RefusedStateError, listed, mapped
 from pnfarm.plant.coupling_kinds import CouplingKind
 from pnfarm.vocabulary.quoting import shown
 
@@ -57,14 +57,14 @@ def plain_plant(plant: Plant, copies: PlantCopies, parts: Any, python: Any) -> d
 
 
 def check_plant(plant: Plant | None, state: Any) -> None:
-    """What :func:`plain_plant` gave; raises :class:`RefusedState`."""
+    """What :func:`plain_plant` gave; raises :class:`RefusedStateError`."""
     if plant is None or state is None:
         if (plant is None) != (state is None):
-            raise RefusedState("it is of another farm file: only one of them has a plant")
+            raise RefusedStateError("it is of another farm file: only one of them has a plant")
         return
     mapped(state, "`plant`", _KEYS)
     if state["models"] != _kinds(plant):
-        raise RefusedState("it is of another farm file: the models of the plant are others")
+        raise RefusedStateError("it is of another farm file: the models of the plant are others")
     _check_numbers(state["values"], "`values` of the plant", len(plant.table.values))
     behaviours, couplings = _of(plant, Behaviour), _of(plant, CouplingKind)
     mapped(state["behaviours"], "`behaviours`", [model.name for model in behaviours])
@@ -75,17 +75,17 @@ def check_plant(plant: Plant | None, state: Any) -> None:
         found = state["couplings"][model.name]
         _check_numbers(found, f"the state of {model.name}", len(_COUPLED) + 1)
         if found[-1] not in {0, 1}:
-            raise RefusedState(f"the state of {model.name} cannot end with {shown(found[-1])}")
+            raise RefusedStateError(f"the state of {model.name} cannot end with {shown(found[-1])}")
     mapped(state["parts"], "`parts`", plant.parts.keys())
     for name, part in plant.parts.items():
         try:
             part.signals.take_state(mapped(state["parts"][name], name), check=True)
         except ConfigError as exc:
-            raise RefusedState(f"{name}: {exc}") from exc
+            raise RefusedStateError(f"{name}: {exc}") from exc
     try:
         plant.python.check_states(state["python"])
     except ConfigError as exc:
-        raise RefusedState(str(exc)) from exc
+        raise RefusedStateError(str(exc)) from exc
 
 
 def _check_behaviour(model: PlannedModel, state: Any) -> None:
@@ -94,18 +94,20 @@ def _check_behaviour(model: PlannedModel, state: Any) -> None:
     mapped(state, model.name, ("age", "state"))
     age = state["age"]
     if age is not None and not (type(age) is int and abs(age) <= _LONGEST_NS):
-        raise RefusedState(f"`age` of {model.name} cannot be {shown(age)}")
+        raise RefusedStateError(f"`age` of {model.name} cannot be {shown(age)}")
     _check_numbers(state["state"], f"`state` of {model.name}", kind.state)
     for place, most in kind.counts.items():
         if not 0 <= state["state"][place] <= most:
-            raise RefusedState(f"`state` of {model.name} has {shown(state['state'][place])} for a count up to {most}")
+            raise RefusedStateError(
+                f"`state` of {model.name} has {shown(state['state'][place])} for a count up to {most}"
+            )
 
 
 def _check_numbers(values: Any, what: str, count: int) -> None:
     for value in listed(values, what, count):
         # an integer may be too large for a floating point number
         if type(value) not in {int, float} or not abs(value) <= 1e300:
-            raise RefusedState(f"{what} cannot have {shown(value)}")
+            raise RefusedStateError(f"{what} cannot have {shown(value)}")
 
 
 def filled(plant: Plant, copies: PlantCopies, state: dict[str, Any]) -> PlantCopies:

@@ -10,13 +10,13 @@ from pnfarm.vocabulary.quoting import shown
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-__all__ = ["RefusedState", "listed", "mapped"]
+__all__ = ["RefusedStateError", "listed", "mapped"]
 
 #: Characters of a sentence.
 _LONGEST = 600
 
 
-class RefusedState(ConfigError):  # noqa: N818 - named after what it is about
+class RefusedStateError(ConfigError):
     """A state is damaged, of another farm file, or of another version; nothing was changed."""
 
     def __init__(self, why: str) -> None:
@@ -25,17 +25,17 @@ class RefusedState(ConfigError):  # noqa: N818 - named after what it is about
 
 
 def mapped(value: Any, what: str, keys: Collection[str] | None = None) -> dict[str, Any]:
-    """A mapping, with exactly these keys if any are given; raises :class:`RefusedState`."""
+    """A mapping, with exactly these keys if any are given; raises :class:`RefusedStateError`."""
     if not isinstance(value, dict):
-        raise RefusedState(f"{what} is {shown(value)}, not a mapping")
+        raise RefusedStateError(f"{what} is {shown(value)}, not a mapping")
     if keys is not None and (odd := sorted({*value} ^ {*keys})):
         where = "missing" if odd[0] in keys else "unknown"
-        raise RefusedState(f"{what}: {shown(odd[0])} is {where}")
+        raise RefusedStateError(f"{what}: {shown(odd[0])} is {where}")
     return value
 
 
 def listed(value: Any, what: str, count: int) -> list[Any]:
-    """A list of this length; raises :class:`RefusedState`."""
+    """A list of this length; raises :class:`RefusedStateError`."""
     if not isinstance(value, list) or len(value) != count:
-        raise RefusedState(f"{what} is {shown(value)}, not a list of {count}")
+        raise RefusedStateError(f"{what} is {shown(value)}, not a list of {count}")
     return value

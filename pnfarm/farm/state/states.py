@@ -9,7 +9,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.events import StateRestored, StateSaved
 from pnfarm.farm.state.content import TakenState, check_state, put_state, take_state
 from pnfarm.farm.state.files import StateFiles
-from pnfarm.farm.state.refused import RefusedState
+from pnfarm.farm.state.refused import RefusedStateError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -65,15 +65,15 @@ class SavedStates:
     async def restore(self, name: str, *, only_check: bool = False) -> list[str]:
         """Put the farm into a state; a sentence for whatever is not as it was.
 
-        Raises :class:`UnknownState`, :class:`ConfigError` or :class:`EnvironmentError_`; nothing is changed then.
+        Raises :class:`UnknownStateError`, :class:`ConfigError` or :class:`EnvironmentError_`; nothing is changed then.
         """
         files = self._files()
         async with self._busy:
             found: Any = await asyncio.to_thread(files.read, name)
             try:
                 state = check_state(self._core, found)
-            except RefusedState as exc:
-                raise RefusedState(f"state {name} cannot be restored: {exc}") from exc
+            except RefusedStateError as exc:
+                raise RefusedStateError(f"state {name} cannot be restored: {exc}") from exc
             if only_check:
                 return []
             notes = put_state(self._core, state, self._now())
@@ -82,7 +82,7 @@ class SavedStates:
         return notes
 
     async def delete(self, name: str) -> None:
-        """Delete a state; raises :class:`UnknownState`, :class:`ConfigError` or :class:`EnvironmentError_`."""
+        """Delete a state; raises :class:`UnknownStateError`, :class:`ConfigError` or :class:`EnvironmentError_`."""
         await asyncio.to_thread(self._files().delete, name)
 
     @staticmethod

@@ -9,7 +9,7 @@ from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.memory.rows import rows_of, values_of
 from pnfarm.farm.state.axis_fields import check_fields
-from pnfarm.farm.state.refused import RefusedState, mapped
+from pnfarm.farm.state.refused import RefusedStateError, mapped
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
@@ -47,20 +47,20 @@ def plain_station(station: Station) -> dict[str, Any]:
 
 
 def check_station(station: Station, state: Any) -> None:
-    """What :func:`plain_station` gave, with records; raises :class:`RefusedState`."""
+    """What :func:`plain_station` gave, with records; raises :class:`RefusedStateError`."""
     name = station.configured_name
     mapped(state, name, _KEYS)
     if state["model"] not in station.kinds:
-        raise RefusedState(f"it is of another farm file: {name} is another model there")
+        raise RefusedStateError(f"it is of another farm file: {name} is another model there")
     if type(state["powered"]) is not bool:
-        raise RefusedState(f"`powered` of {name} is {shown(state['powered'])}, not true or false")
+        raise RefusedStateError(f"`powered` of {name} is {shown(state['powered'])}, not true or false")
     controller = state["controller"]
     if controller is not None and not (
         isinstance(controller, str) and len(controller) <= _LONGEST and controller.isprintable()
     ):
-        raise RefusedState(f"`controller` of {name} is {shown(controller)}, not a name")
+        raise RefusedStateError(f"`controller` of {name} is {shown(controller)}, not a name")
     if {*mapped(state["axes"], f"`axes` of {name}")} != {axis.configured_name for axis in station.axes}:
-        raise RefusedState(f"it is of another farm file: {name} has other axes there")
+        raise RefusedStateError(f"it is of another farm file: {name} has other axes there")
     for axis in station.axes:
         _check_axis(axis, state["axes"][axis.configured_name])
     try:
@@ -70,19 +70,19 @@ def check_station(station: Station, state: Any) -> None:
             _check_memory(axis, memory)
         _check_signals(station, state["signals"])
     except (ConfigError, EnvironmentError_) as exc:
-        raise RefusedState(f"{name}: {exc}") from exc
+        raise RefusedStateError(f"{name}: {exc}") from exc
 
 
 def _check_axis(axis: Axis, state: Any) -> None:
     name = axis.configured_name
     mapped(state, name, ("model", "parameters", "fields"))
     if state["model"] != axis.model.name:
-        raise RefusedState(f"it is of another farm file: {name} is another model there")
+        raise RefusedStateError(f"it is of another farm file: {name} is another model there")
     check_fields(state["fields"], name)
     try:
         axis.store.check_in_force(mapped(state["parameters"], f"`parameters` of {name}"))
     except (ConfigError, ParameterError) as exc:
-        raise RefusedState(f"{name}: {exc}") from exc
+        raise RefusedStateError(f"{name}: {exc}") from exc
 
 
 def _check_memory(axis: Axis, memory: Mapping[str, Any]) -> None:
@@ -91,32 +91,32 @@ def _check_memory(axis: Axis, memory: Mapping[str, Any]) -> None:
         mapped(kept, f"`{axis.key('drive')}`")
     faults = memory.get(axis.key("faults"), [])
     if not isinstance(faults, list) or not all(type(one) is int and 0 <= one < _FAULTS for one in faults):
-        raise RefusedState(f"`{axis.key('faults')}` is {shown(faults)}, not a list of faults")
+        raise RefusedStateError(f"`{axis.key('faults')}` is {shown(faults)}, not a list of faults")
 
 
 def _check_signals(station: Station, state: Any) -> None:
     signals = station.signals
     if signals is None or state is None:
         if (signals is None) != (state is None):
-            raise RefusedState("its signals are others")
+            raise RefusedStateError("its signals are others")
         return
     mapped(state, "`signals`", ("written", "set", "forced", "names"))
     if state["names"] != list(signals.names):
-        raise RefusedState("its signals are others: it is of another farm file")
+        raise RefusedStateError("its signals are others: it is of another farm file")
     signals.take_state(state, check=True)
 
 
 def memory_of(station: Station, state: Mapping[str, Any]) -> dict[str, Any]:
-    """The contents of non-volatile memory; raises :class:`RefusedState`."""
+    """The contents of non-volatile memory; raises :class:`RefusedStateError`."""
     name = station.configured_name
     memory = mapped(state["memory"], f"`memory` of {name}")
     if "" in memory:
-        raise RefusedState(f"`memory` of {name} has a value without a name")
+        raise RefusedStateError(f"`memory` of {name} has a value without a name")
     rows = [(key, json.dumps(value)) for key, value in memory.items()]
     try:
         return values_of(rows, name, EnvironmentError_)
     except EnvironmentError_ as exc:
-        raise RefusedState(str(exc)) from exc
+        raise RefusedStateError(str(exc)) from exc
 
 
 def put_signals(station: Station, state: Mapping[str, Any]) -> None:

@@ -78,54 +78,16 @@ async def _access(
     import os
     import time
 
-    import anyio
+    from pnfarm.buses.profinet.commands.asking import ask_stations
+    from pnfarm.buses.profinet.controller.record_client import RecordClient
 
-    from pnfarm.buses.profinet.controller.record_client import TOOL_PORT, RecordClient
-    from pnfarm.links.base import PortSpec
-    from pnfarm.links.callbacks import raise_of_callbacks
-    from pnfarm.links.interface import InterfaceLink
-    from pnfarm.links.kernel.addresses import hold_ports
+    def goes_on(client: RecordClient) -> bool:
+        place = None if more is None or client.station is None else more(client)
+        if place is not None:
+            client.read_next(place, time.monotonic_ns())
+        return place is not None
 
-    link = InterfaceLink(interface)
-    held = hold_ports(own, (TOOL_PORT,))
-    woken = anyio.Event()
-    try:
-        (port,) = await link.open([PortSpec("record", bytes(6))])
-        client = RecordClient(task, port.mac, own, os.urandom(16))
-
-        def send() -> None:
-            for frame in client.to_send(time.monotonic_ns()):
-                link.send(port.index, frame)
-
-        def receive(_: int, frame: bytes, now: int) -> None:
-            client.receive(frame, now)
-            send()
-            woken.set()
-
-        link.set_receiver(receive)
-        async with raise_of_callbacks():
-            client.start(time.monotonic_ns())
-            send()
-            while True:
-                if client.done:
-                    place = None if more is None or client.station is None else more(client)
-                    if place is None:
-                        break
-                    client.read_next(place, time.monotonic_ns())
-                    send()
-                    continue
-                woken = anyio.Event()
-                due = client.next_deadline()
-                wait = None if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)
-                with anyio.move_on_after(wait):
-                    await woken.wait()
-                client.handle_timeout(time.monotonic_ns())
-                send()
-    finally:
-        for sock in held:
-            sock.close()
-        with anyio.CancelScope(shield=True):
-            await link.close()
+    client = await ask_stations(interface, own, lambda mac: RecordClient(task, mac, own, os.urandom(16)), goes_on)
     if more is None or client.station is None:
         client.check()
     return client
