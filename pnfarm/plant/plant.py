@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from math import nan
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.plant.events import PlantStepsLeftOut
@@ -58,8 +59,9 @@ class Plant:
         self.python = PythonModels(python, self.table.values, self._carried, late=late)
         fmus = [model for model in plan.models.values() if isinstance(model.what, FmuModel)]
         self.fmus = FmuModels(fmus, self.table.values, self._carried, late=late)
-        #: Inputs of stations, and the numbers of their values.
+        #: By station: inputs, the numbers of their values, and what was written last.
         self._written: dict[str, list[tuple[Signal, int]]] = {}
+        self._given: dict[str, list[float]] = {}
         self._targets: set[int] = set()
         for wire in plan.wires:
             end = wire.target
@@ -123,9 +125,13 @@ class Plant:
         row = self.row
         # before the values are read: what changes from now on is reported again
         row.taken = row.reported
-        values = self.table.values
         for station, written in self._written.items():
-            self._signals[station].take({signal.name: _fitting(signal, float(values[n])) for signal, n in written})
+            found = self.table.values[[number for _, number in written]].tolist()
+            before = self._given.get(station, [nan] * len(found))
+            if found != before:
+                self._given[station] = found
+                changes = zip(written, found, before, strict=True)
+                self._signals[station].take({s.name: _fitting(s, new) for (s, _), new, old in changes if new != old})
         left_out = int(self._engine.plant_late)
         if left_out != self._left_out:
             self._note(now, PlantStepsLeftOut(left_out - self._left_out))

@@ -159,4 +159,5 @@ def test_no_spring_gives_more_energy_than_was_put_into_it(
             found.append(shaft.energy + 0.5 * inertia * (float(line.plant.m.velocity) / RPM) ** 2)
         # at the speeds of the steps, which are up to a tenth above those between them for the stiffest springs
         assert max(found) <= 1.2 * put_in + 1e-15
-        assert max(found[150:]) <= 1.02 * max(found[:150])
+        # a slow spring reaches its highest speed only in the second half
+        assert max(found[150:]) <= 1.02 * max(put_in, *found[:150])
