@@ -15,13 +15,13 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.node import LineNode, SocketNode
+from pnfarm.engine import tick as engine_tick
 from pnfarm.engine.channels.class1 import CLASS1_PORT
 from pnfarm.engine.channels.delay_queue import sent_length, sent_port
 from pnfarm.engine.columns import RX_BATCH
 from pnfarm.engine.lateness import note_late
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 from pnfarm.engine.sockets.xdp import open_xdp
-from pnfarm.engine.tick import next_due, next_step, tick
 from pnfarm.errors import InternalError
 from pnfarm.farm.lateness import StolenTime
 from pnfarm.links.base import EngineLink, unwrap
@@ -32,6 +32,7 @@ from pnfarm.links.serial.link import SerialLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.links.tap import TapLink
 from pnfarm.table.access.record_fields import field_views
+from pnfarm.table.compiling.compiled import direct
 
 if TYPE_CHECKING:
     import socket
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
     from pnfarm.wire.endpoint import SocketEvent
 
 __all__ = ["RealTimeDriver"]
+
+next_due, next_step, tick = direct(engine_tick.next_due), direct(engine_tick.next_step), direct(engine_tick.tick)
 
 #: How often the driver checks that the engine's thread still runs.
 CHECK_SECONDS = 0.5

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pnfarm.engine import tick as engine_tick
+from pnfarm.engine import virtual as engine_virtual
 from pnfarm.engine.channels.delay_queue import sent_length, sent_port
-from pnfarm.engine.tick import next_due, tick
-from pnfarm.engine.virtual import deliver, run_alone, run_virtual, take
 from pnfarm.errors import InternalError
 from pnfarm.links.memory import MemoryLink, MemorySwitch
+from pnfarm.table.compiling.compiled import direct
 from pnfarm.wire.direction import Direction
 from pnfarm.wire.mac import mac_to_int
 
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Port
 
 __all__ = ["Seen", "VirtualClock", "VirtualWorld"]
+
+deliver, take = direct(engine_virtual.deliver), direct(engine_virtual.take)
+next_due, tick = direct(engine_tick.next_due), direct(engine_tick.tick)
+run_alone, run_virtual = direct(engine_virtual.run_alone), direct(engine_virtual.run_virtual)
 
 #: ``seen(port, frame, now, direction)``: a cyclic frame of the farm; the direction is the drive's.
 Seen = Callable[[int, bytes, int, Direction], None]

@@ -179,7 +179,7 @@ def farm_like(world, section, token_path=None):
     driver = SimpleNamespace(poke=lambda: world.line.farm.service(world.line.world.now))
     config = SimpleNamespace(api=section, token_path=token_path)
     now = world.line.world.clock
-    return SimpleNamespace(core=world.line.farm, log=world.line.log, driver=driver, config=config, now=now)
+    return SimpleNamespace(core=world.line.farm, log=world.line.log, driver=driver, config=config, now=now, states=None)
 
 
 def test_farm_is_served_as_its_file_says_and_its_new_token_is_told_once():

@@ -25,7 +25,7 @@ from pnfarm.table.compiling.inlining import skip_code_of_inlined
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 __all__ = [
-    "IS_COMPILED", "REAL_TIME", "cache_directory", "compiled", "compiled_apart", "function_count", "inlined",
+    "IS_COMPILED", "REAL_TIME", "cache_directory", "compiled", "compiled_apart", "direct", "function_count", "inlined",
     "is_cached", "kept_functions", "mark_cached",
 ]  # fmt: skip
 
@@ -71,6 +71,29 @@ def inlined(function: _F) -> _F:
     It has no machine code of its own (:mod:`pnfarm.table.compiling.inlining`), and a call from Python would crash.
     """
     return _compiled(function, no_cfunc_wrapper=True, inline=True)
+
+
+def direct(function: _F) -> _F:
+    """``function``, a compiled one, for a caller in Python whose arguments have the same types in each call.
+
+    From the second call on Numba does not look these types up: for the tables of a farm that takes 10 to 20 us, longer
+    than many a call.  Types that change are not noticed: only for functions of tables whose types are this package's.
+    """
+    if not IS_COMPILED:
+        return function
+    dispatcher = cast("Any", function)
+    entry: Any = None
+
+    def call(*args: Any) -> Any:
+        nonlocal entry
+        if entry is not None:
+            return entry(*args)
+        result = function(*args)
+        if len(dispatcher.overloads) == 1:
+            entry = next(iter(dispatcher.overloads.values())).entry_point
+        return result
+
+    return cast("_F", call)
 
 
 def compiled_apart(function: _F) -> _F:

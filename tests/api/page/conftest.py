@@ -7,13 +7,13 @@ from browser import Browser
 from page_farm import TOOLS, call, running
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def farm(tmp_path_factory):
     with running(tmp_path_factory.mktemp("farm")) as url:
         yield url
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def window(farm, tmp_path_factory):
     with Browser(tmp_path_factory.mktemp("browser"), 1366, 768) as browser:
         browser.open(f"{farm}/")
