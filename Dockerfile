@@ -23,7 +23,7 @@ RUN python3 -m venv /opt/pnfarm \
  && /opt/pnfarm/bin/pip install --no-cache-dir --disable-pip-version-check --require-hashes -r locks/runtime.txt \
  && /opt/build/bin/pip install --no-cache-dir --disable-pip-version-check --require-hashes -r locks/build.txt
 
-COPY pyproject.toml README.md LICENSE LICENSES.md ./
+COPY pyproject.toml hatch_build.py README.md LICENSE LICENSES.md ./
 COPY pnfarm pnfarm
 RUN /opt/build/bin/pip wheel --no-cache-dir --disable-pip-version-check --no-deps --no-build-isolation --no-index \
       --wheel-dir /wheels . \

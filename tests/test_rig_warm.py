@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import os
+import platform
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-from pnfarm.table.compiling.compiled import cache_directory
+import numba
+import pytest
+from llvmlite import binding
+from machine_code import copy_machine_code
+
+from pnfarm.table.compiling import code_cache
+from pnfarm.table.compiling.code_cache import is_cached, mark_cached, take_packaged
+from pnfarm.table.compiling.compiled import IS_COMPILED
+from pnfarm.table.compiling.processor import LEVELS, fitting
 
 SUPPORT = Path(__file__).resolve().parent / "support"
 #: A farm with its controller in virtual time, and an engine's thread on a socket of no network.
@@ -47,10 +56,86 @@ def test_warming_says_that_compilation_is_switched_off():
     assert "NUMBA_DISABLE_JIT" in run.stderr
 
 
+def test_code_that_came_with_the_package_is_taken_once_by_the_processor_that_it_is_for(tmp_path, monkeypatch):
+    packaged, cache = tmp_path / "machine_code", tmp_path / "cache"
+    monkeypatch.setattr(code_cache, "_PACKAGED", packaged)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
+    cache.mkdir()
+    monkeypatch.setattr(numba.config, "CPU_NAME", "x86-64-v3")
+    name = "engine.tick-0123456789abcdef"
+    place = packaged / "x86-64-v3"
+    (place / name).mkdir(parents=True)
+    (place / name / "tick-1.py311.nbi").write_bytes(b"index")
+    mark_cached()
+    shutil.move(next(cache.iterdir()), place)
+    assert not is_cached()
+    monkeypatch.setattr(numba.config, "CPU_NAME", "x86-64-v2")
+    take_packaged()
+    assert list(cache.iterdir()) == []
+    monkeypatch.setattr(numba.config, "CPU_NAME", "x86-64-v3")
+    take_packaged()
+    assert is_cached()
+    kept = cache / name / "tick-1.py311.nbi"
+    assert kept.read_bytes() == b"index"
+    # what is in the cache is in use, perhaps by another process
+    kept.write_bytes(b"newer")
+    take_packaged()
+    assert kept.read_bytes() == b"newer"
+    assert sorted(path.name for path in cache.iterdir()) == sorted([name, next(place.glob("complete-*")).name])
+
+
+def test_code_of_other_sources_is_left_in_the_package(tmp_path, monkeypatch):
+    place = tmp_path / "machine_code" / str(numba.config.CPU_NAME)
+    (place / "engine.tick-0123456789abcdef").mkdir(parents=True)
+    (place / "complete-0123456789abcdef").touch()
+    monkeypatch.setattr(code_cache, "_PACKAGED", place.parent)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "cache").mkdir()
+    take_packaged()
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+def test_a_cache_that_cannot_be_written_is_no_failure(tmp_path, monkeypatch):
+    packaged = tmp_path / "machine_code"
+    monkeypatch.setattr(code_cache, "_PACKAGED", packaged)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    mark_cached()
+    place = packaged / str(numba.config.CPU_NAME)
+    place.mkdir(parents=True)
+    shutil.move(next(tmp_path.glob("complete-*")), place)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "missing"))
+    take_packaged()
+    assert not is_cached()
+
+
+V3 = LEVELS["x86-64-v3"]
+
+
+@pytest.mark.parametrize(
+    ("machine", "features", "level"),
+    [
+        ("x86_64", dict.fromkeys(V3, True), "x86-64-v3"),
+        ("x86_64", {**dict.fromkeys(V3, True), "avx512f": True}, "x86-64-v3"),
+        ("x86_64", {**dict.fromkeys(V3, True), "movbe": False}, "x86-64-v2"),
+        ("x86_64", dict.fromkeys(LEVELS["x86-64-v2"], True), "x86-64-v2"),
+        ("x86_64", {"sse2": True}, "generic"),
+        ("aarch64", {"neon": True}, "generic"),
+    ],
+)
+def test_a_processor_gets_the_highest_level_all_of_whose_instructions_it_has(machine, features, level):
+    assert fitting(machine, features) == level
+
+
+def test_the_compiler_uses_no_instruction_beyond_the_level():
+    assert IS_COMPILED
+    assert (
+        fitting(platform.machine(), dict(binding.get_host_cpu_features())), "",
+    ) == (numba.config.CPU_NAME, numba.config.CPU_FEATURES)  # fmt: skip
+
+
 def test_a_farm_compiles_nothing_once_the_engine_is_warm(tmp_path):
     # most of the machine code is there, as after a change in one file
-    python("-m", "pnfarm.engine.warm", NUMBA_DISABLE_JIT="0")
-    shutil.copytree(cache_directory(), tmp_path, dirs_exist_ok=True)
+    copy_machine_code(tmp_path)
     for place in tmp_path.glob("engine.columns-*"):
         shutil.rmtree(place)
     settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}

@@ -8,8 +8,8 @@ drive's step, which the loops call by its address, and the impairment of frames 
 memory, in virtual time, comes last, and is left out where a farm is to start in real time (``--real-time``): what needs
 it compiles it later.  A bus with compiled code of its own has a module ``warm`` with a function of that name.
 
-Machine code is kept per processor type.  Where it is made on one machine and used on another, set
-``NUMBA_CPU_NAME=generic`` for both.
+Machine code is kept per level of processors (:mod:`pnfarm.table.compiling.processor`); ``NUMBA_CPU_NAME=x86-64-v2``
+makes it for another one.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ from pnfarm.table.compiling.compiled import (
     IS_COMPILED,
     REAL_TIME,
     cache_directory,
+    copy_code,
     function_count,
     is_cached,
     kept_functions,
@@ -59,6 +60,8 @@ __all__ = ["Warmed", "main", "warm"]
 LOOPS, STEP = HALVES = ("--loops", "--step")
 #: Argument: only what a farm needs in real time over interfaces.
 ONLY_REAL_TIME = f"--{REAL_TIME}"
+#: Argument, with a folder: copy the machine code there.
+COPY_TO = "--copy-to"
 #: Without colours in its messages: the compiler makes those of all overloads that do not match, and shows none.
 PLAIN = {"NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1"}
 
@@ -257,7 +260,8 @@ def main(arguments: Sequence[str] = ()) -> int:
     """Compile everything, and print one line; returns 1 if nothing was compiled because compilation is switched off.
 
     With ``--real-time`` only what a farm over interfaces needs is compiled; with ``--progress`` there is a line
-    ``N of M`` for each function that was compiled, before the last one.
+    ``N of M`` for each function that was compiled, before the last one; ``--copy-to FOLDER`` copies the machine code to
+    a folder in that one, with the processor's name.
     """
     if not IS_COMPILED:
         sys.stderr.write("NUMBA_DISABLE_JIT is set, so nothing was compiled: unset it and run this again\n")
@@ -268,6 +272,8 @@ def main(arguments: Sequence[str] = ()) -> int:
         _compile_half(half, part)
         return 0
     done = warm(_say if "--progress" in arguments else None, load=False, part=part)
+    if COPY_TO in arguments:
+        copy_code(Path(arguments[arguments.index(COPY_TO) + 1]))
     sys.stdout.write(f"{done.functions} compiled functions in {done.directory}, {done.seconds:.1f} s\n")
     return 0
 

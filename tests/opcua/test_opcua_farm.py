@@ -332,7 +332,7 @@ def test_an_independent_client_reads_writes_and_subscribes(farm):
         seen = Notified()
         subscription = client.create_subscription(20, seen)
         subscription.subscribe_data_change(client.get_node("ns=2;s=axis-01.position"))
-        ends = time.monotonic() + 5
+        ends = time.monotonic() + 30
         while len(seen.values) < 3 and time.monotonic() < ends:
             time.sleep(0.02)
         assert len(seen.values) >= 3
@@ -357,7 +357,7 @@ class _Failing:
 
 def test_a_server_that_fails_is_an_event_and_the_farm_goes_on():
     with opcua_farm("off", server=_Failing()) as running:
-        ends = time.monotonic() + 5
+        ends = time.monotonic() + 30
         while "opc ua failed" not in running.events() and time.monotonic() < ends:
             time.sleep(0.02)
         (failed,) = [each.what for each in running.farm.log.entries() if each.event == "opc ua failed"]

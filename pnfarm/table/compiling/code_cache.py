@@ -2,8 +2,11 @@
 
 Numba's own cache checks only the file of the decorated function and would keep stale machine code when a *callee* in
 another file changes.  Here each file's functions are in a folder named after the digest of that file and of all files
-of the package that it imports, directly or not, together with the versions of Python, Numba and NumPy.  So a change
-recompiles only what depends on it, and copies of the same sources share their code wherever they are.
+of the package that it imports, directly or not, together with the processor and the versions of Python, Numba and
+NumPy.  So a change recompiles only what depends on it, and copies of the same sources share their code wherever they
+are.
+
+A wheel may hold machine code (``hatch_build.py``): :func:`take_packaged` copies what fits into the cache.
 """
 
 from __future__ import annotations
@@ -13,7 +16,9 @@ import functools
 import hashlib
 import os
 import re
+import shutil
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +27,17 @@ import numba
 import numpy as np
 from numba.core import caching
 
-__all__ = ["REAL_TIME", "DigestLocator", "cache_directory", "is_cached", "kept_functions", "mark_cached"]
+__all__ = [
+    "REAL_TIME", "DigestLocator", "cache_directory", "copy_code", "is_cached", "kept_functions", "mark_cached",
+    "take_packaged",
+]  # fmt: skip
 
 #: What a farm in real time over interfaces needs: all but what exchanges frames in memory.
 REAL_TIME = "real-time"
 
 _PACKAGE = Path(__file__).resolve().parents[2]
+#: Machine code that a wheel may hold, by processor.
+_PACKAGED = _PACKAGE / "machine_code"
 #: Packages whose files hold compiled functions.
 _COMPILED_ROOMS = ("table", "firmware", "engine")
 #: An import that runs when the module is loaded; indented ones are for types or one function, never for machine code.
@@ -75,8 +85,14 @@ def _file_digest(path: Path) -> bytes:
     return hashlib.sha256(path.read_bytes()).digest()
 
 
+def _processor() -> str:
+    return str(numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name())
+
+
 def _digest(paths: tuple[Path, ...]) -> str:
-    state = hashlib.sha256(f"{sys.version} {numba.__version__} {np.__version__}".encode())
+    # machine code knows the layout of Python's objects, which is that of a minor version, and of NumPy's arrays
+    of = (sys.implementation.cache_tag or "", numba.__version__, np.__version__.partition(".")[0], _processor())
+    state = hashlib.sha256(" ".join(of).encode())
     state.update(os.environ.get("NUMBA_BOUNDSCHECK", "").encode())
     for path in paths:
         state.update(f"{path.parent.name}/{path.name}".encode())
@@ -125,8 +141,7 @@ def _compiled_files() -> tuple[Path, ...]:
 
 def _mark(part: str) -> Path:
     """A file that exists when the machine code of these sources, this Numba and this type of processor is cached."""
-    processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
-    return cache_directory() / f"{part or 'complete'}-{_digest(_compiled_files())}-{processor}"
+    return cache_directory() / f"{part or 'complete'}-{_digest(_compiled_files())}-{_processor()}"
 
 
 def is_cached(part: str = "") -> bool:
@@ -138,6 +153,37 @@ def mark_cached(part: str = "") -> None:
     """Mark everything, or ``part``, as compiled; does nothing where the folder cannot be written."""
     with contextlib.suppress(OSError):
         _mark(part).touch()
+
+
+def copy_code(place: Path) -> None:
+    """Copy all machine code of these sources for this processor, and its mark, to ``place``/*processor*."""
+    target = place / _processor()
+    for path in _compiled_files():
+        folder = _folder(path)
+        if folder.is_dir():
+            shutil.copytree(folder, target / folder.name, dirs_exist_ok=True)
+    shutil.copy(_mark(""), target)
+
+
+def take_packaged() -> None:
+    """Copy the package's own machine code into the cache, if it is of these sources, this Numba and this processor.
+
+    Several processes may do it at once; what cannot be written is compiled.
+    """
+    mark = _mark("") if _PACKAGED.is_dir() else None
+    if mark is None or mark.exists():
+        return
+    packaged = _PACKAGED / _processor()
+    if not (packaged / mark.name).exists():
+        return
+    with contextlib.suppress(OSError), tempfile.TemporaryDirectory(dir=cache_directory()) as beside:
+        for folder in packaged.iterdir():
+            if folder.is_dir() and not (place := cache_directory() / folder.name).exists():
+                copy = shutil.copytree(folder, Path(beside) / folder.name)
+                # another process may have been faster
+                with contextlib.suppress(OSError):
+                    copy.rename(place)
+        mark.touch()
 
 
 def kept_functions() -> int:

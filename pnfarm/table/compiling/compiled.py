@@ -19,14 +19,23 @@ import numba
 from numba import types
 from numba.cpython import slicing
 
-from pnfarm.table.compiling.code_cache import REAL_TIME, cache_directory, is_cached, kept_functions, mark_cached
+from pnfarm.table.compiling.code_cache import (
+    REAL_TIME,
+    cache_directory,
+    copy_code,
+    is_cached,
+    kept_functions,
+    mark_cached,
+    take_packaged,
+)
 from pnfarm.table.compiling.inlining import skip_code_of_inlined
+from pnfarm.table.compiling.processor import choose_processor
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 __all__ = [
-    "IS_COMPILED", "REAL_TIME", "cache_directory", "compiled", "compiled_apart", "direct", "function_count", "inlined",
-    "is_cached", "kept_functions", "mark_cached",
+    "IS_COMPILED", "REAL_TIME", "cache_directory", "compiled", "compiled_apart", "copy_code", "direct",
+    "function_count", "inlined", "is_cached", "kept_functions", "mark_cached",
 ]  # fmt: skip
 
 
@@ -37,6 +46,7 @@ def _prepare() -> bool:
     # registered.  A nested record builds that text each time, a tenth of all compile time; its name does as well.
     types.Record.__repr__ = types.Type.__repr__
     skip_code_of_inlined()
+    choose_processor()
     # no index here is below 0, and Numba compares each with 0: the boundary checks of the tests refuse such a one
     slicing.fix_index = lambda _builder, index, _size: index
     try:
@@ -44,6 +54,7 @@ def _prepare() -> bool:
     except OSError:
         # no writable home (a container's arbitrary user): this run compiles again, correctly
         os.environ["NUMBA_CACHE_DIR"] = tempfile.mkdtemp(prefix="pnfarm-cache-")
+    take_packaged()
     return True
 
 
