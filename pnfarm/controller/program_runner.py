@@ -20,6 +20,7 @@ from pnfarm.drives.telegrams.signal_view import Inputs, Outputs
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.profidrive.axis_program import READY
 from pnfarm.station.event import Event, event
+from pnfarm.table.access.record_fields import field_views
 from pnfarm.table.channel import IDLE, OPEN
 from pnfarm.table.signals import STW2
 from pnfarm.user_code.file import error_text, place_of
@@ -69,6 +70,9 @@ class _Axis:
         assert device.signals is not None
         self.columns = controlled.columns
         self.row = controlled.row
+        image = self.columns.image[self.row]
+        self._received, self._valid, self._sent = field_views(image, "received", "valid", "sent")
+        self._frames, self._filled = field_views(image, "frames", "filled")
         self.name = device.name
         self.signals = device.signals
         self.cycle_ns = device.cycle_ns
@@ -102,18 +106,18 @@ class _Axis:
         self.told = 0
         self.failure = ""
 
-    def read(self, image: Any) -> None:
+    def read(self) -> None:
         """A copy of what the drive sent, of one telegram."""
         for _ in range(8):
-            frames = int(image.frames)
-            values = image.received.tolist()
-            valid = bool(image.valid)
-            if int(image.frames) == frames:
+            frames = self._frames[0]
+            values = self._received.tolist()
+            valid = bool(self._valid[0])
+            if self._frames[0] == frames:
                 break
         self.inputs._values = values  # noqa: SLF001 - the view is this axis' own
         self.inputs.valid = valid
 
-    def write(self, image: Any) -> None:
+    def write(self) -> None:
         """What the program wrote, with the sign of life; OFF1 and no set points of an axis that is stopped."""
         stopped = bool(self.failure)
         values = self.outputs._values  # noqa: SLF001 - the view is this axis' own
@@ -123,7 +127,14 @@ class _Axis:
         stw2 = STW2 if self.counts_life else None
         for slot in self.slots:
             value = (READY if slot == stw1 else 0) if stopped else values[slot]
-            image.sent[slot] = value & 0x0FFF | self.life << 12 if slot == stw2 else value
+            self._sent[slot] = value & 0x0FFF | self.life << 12 if slot == stw2 else value
+
+    def telegrams_since(self) -> int:
+        """How many telegrams were filled since the last call of this method; 1 after a time without a connection."""
+        filled = self._filled[0]
+        gone = 1 if self.filled is None else (filled - self.filled) & 0xFFFFFFFF
+        self.filled = filled
+        return gone
 
     def snapshot(self) -> dict[str, Any]:
         return {
@@ -133,6 +144,27 @@ class _Axis:
             "longest_seconds": self.longest_ns / 1e9,
             "failure": self.failure,
         }
+
+
+class _Providers:
+    """Which provider fills the image of an axis, in one table."""
+
+    def __init__(self, columns: Columns) -> None:
+        ppm = columns.ppm.view(np.ndarray)
+        self.state, self.next_ns = ppm["state"], ppm["next_ns"]
+        self._active, self._image, self._rider = ppm["active"], ppm["image"], ppm["rider"]
+        #: By the image's row, the provider's row, for those that are open.
+        self.rows: dict[int, int] = {}
+
+    def look(self) -> None:
+        """Find them anew."""
+        self.rows = {}
+        for row in np.flatnonzero(self._active == OPEN).tolist():
+            one = row
+            self.rows[int(self._image[one])] = row
+            while rider := int(self._rider[one]):
+                one = rider - 1
+                self.rows[int(self._image[one])] = row
 
 
 class ProgramRunner:
@@ -170,7 +202,8 @@ class ProgramRunner:
         self._axes = [
             _Axis(each, kind, self.line) for each in controllers.programmed() if each.device.signals is not None
         ]
-        self._tables = list({id(axis.columns): axis.columns for axis in self._axes}.values())
+        tables = {id(axis.columns): axis.columns for axis in self._axes}
+        self._providers = {key: _Providers(columns) for key, columns in tables.items()}
         self._by_name = {axis.name: axis for axis in self._axes}
 
     def program(self, name: str) -> AxisProgram:
@@ -185,8 +218,9 @@ class ProgramRunner:
         due = [axis for axis in self._axes if axis.due_ns <= now]
         if not due:
             return
-        rows = {id(columns): _providers(columns) for columns in self._tables}
-        called = [axis for axis in due if self._is_due(axis, rows[id(axis.columns)].get(axis.row), now)]
+        for providers in self._providers.values():
+            providers.look()
+        called = [axis for axis in due if self._is_due(axis, self._providers[id(axis.columns)], now)]
         # one whose last call is not done waits for its next cycle
         if overrun := [axis.cycle_ns for axis in called if axis.done_ns > now]:
             # a task that is not done when its next cycle begins misses that cycle, for all of its axes
@@ -194,7 +228,7 @@ class ProgramRunner:
         called = [axis for axis in called if not self._misses(axis, now)]
         waiting = [axis for axis in called if not axis.failure]
         for axis in waiting:
-            axis.read(axis.columns.image[axis.row])
+            axis.read()
             axis.program.now_ns = now
             axis.program.began_ns = axis.program.began_ns or now
         self.line.take()
@@ -207,7 +241,7 @@ class ProgramRunner:
                 axis.done_ns = self._busy_until_ns
             if axis.done_ns <= axis.due_ns:
                 axis.done_ns = 0
-                axis.write(axis.columns.image[axis.row])
+                axis.write()
 
     def _begin_records(self, axes: Sequence[_Axis], now: int) -> None:
         """Hand to the controllers what the programs asked for."""
@@ -239,21 +273,19 @@ class ProgramRunner:
         self._tell_late(axis, now)
         if 0 < axis.done_ns <= axis.due_ns:
             # done before the next telegram, which is the first to show it
-            axis.write(axis.columns.image[axis.row])
+            axis.write()
         return True
 
-    def _is_due(self, axis: _Axis, row: int | None, now: int) -> bool:
+    def _is_due(self, axis: _Axis, providers: _Providers, now: int) -> bool:
         """Whether a telegram went out since the last call; without a connection, a cycle passed. Sets the next time."""
-        columns = axis.columns
-        if row is None or int(columns.ppm[row].state) == IDLE:
+        row = providers.rows.get(axis.row)
+        if row is None or providers.state[row] == IDLE:
             axis.filled = None
             axis.due_ns = now + axis.cycle_ns
             return True
-        next_ns = int(columns.ppm[row].next_ns)
+        next_ns = int(providers.next_ns[row])
         axis.due_ns = next_ns if next_ns > now else now + max(20_000, axis.cycle_ns // 16)
-        filled = int(columns.image[axis.row].filled)
-        gone = 1 if axis.filled is None else (filled - axis.filled) & 0xFFFFFFFF
-        axis.filled = filled
+        gone = axis.telegrams_since()
         if gone > 1:
             axis.missed += gone - 1
             self._tell_late(axis, now)
@@ -293,18 +325,6 @@ class ProgramRunner:
     def close(self) -> None:
         """End the threads; one that waits in the kernel ends with the process."""
         self._caller.close()
-
-
-def _providers(columns: Columns) -> dict[int, int]:
-    """The row of the provider that fills an image, for those that are open."""
-    found: dict[int, int] = {}
-    for row in np.flatnonzero(columns.ppm["active"] == OPEN).tolist():
-        one = columns.ppm[row]
-        found[int(one.image)] = row
-        while int(one.rider):
-            one = columns.ppm[int(one.rider) - 1]
-            found[int(one.image)] = row
-    return found
 
 
 def _first_line(program: AxisProgram) -> int:

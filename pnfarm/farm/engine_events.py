@@ -15,6 +15,7 @@ from pnfarm.station.events import (
     WarningChanged,
 )
 from pnfarm.table import engine_row
+from pnfarm.table.access.record_fields import field_views
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -56,12 +57,13 @@ class EngineEvents:
         self._traces = traces
         self._plant = plant
         self._tail = 0
+        (self._head,) = field_views(columns.engine[0], "event_head")
         #: Events that were overwritten before they were read.
         self.lost = 0
 
     def drain(self, now: int) -> list[Station]:
         """Pass on what happened; the stations that it concerned, each once, and all of them after a loss."""
-        head = int(self._columns.engine[0].event_head)
+        head = self._head[0]
         size = self._columns.events.shape[0]
         touched: dict[int, Station] = {}
         if head - self._tail > size:

@@ -16,6 +16,7 @@ from pnfarm.engine import virtual as engine_virtual
 from pnfarm.engine.channels.delay_queue import sent_length, sent_port
 from pnfarm.errors import InternalError
 from pnfarm.links.memory import MemoryLink, MemorySwitch
+from pnfarm.protocols.deadlines import earliest
 from pnfarm.table.compiling.compiled import direct
 from pnfarm.wire.direction import Direction
 from pnfarm.wire.mac import mac_to_int
@@ -113,17 +114,16 @@ class VirtualWorld:
         """
         end = self.now + round(seconds * 1e9)
         look = None if look_ns is None else self.now + look_ns
-        self._settle()
+        first = self._settle()
         while True:
-            if until is not None and until():
-                return True
+            if until is not None:
+                if until():
+                    return True
+                # which may have changed something
+                first = self._earliest()
             if self.now >= end:
                 return False
-            deadlines = [d for node in self._nodes if (d := node.next_deadline()) is not None]
-            flying = self.switch.next_deadline()
-            if flying is not None:
-                deadlines.append(flying)
-            target = max(self.now, min([end, *deadlines]))
+            target = max(self.now, end if first is None else min(end, first))
             if until is None or look_ns is None or look is None:
                 self.clock.now = self._cyclic(target)
             else:
@@ -131,7 +131,7 @@ class VirtualWorld:
                     look += look_ns
                 if self._looking(target, until, look, look_ns):
                     return True
-            self._settle()
+            first = self._settle()
 
     def _looking(self, target: int, until: Callable[[], bool], look: int, look_ns: int) -> bool:
         """Ticks up to ``target``, or to the first event; ends early, with True, once ``until`` holds."""
@@ -213,16 +213,19 @@ class VirtualWorld:
         take(controller, farm, waiting)
         return now
 
-    def _settle(self) -> None:
-        """Handle everything acyclic that is due at this instant."""
+    def _earliest(self) -> int | None:
+        """The first deadline of a node or of a frame on its way."""
+        return earliest(self.switch, *self._nodes)
+
+    def _settle(self) -> int | None:
+        """Handle everything acyclic that is due at this instant; the first deadline after it."""
         for _ in range(1000):
             delivered = self.switch.deliver(self.now)
             for node in self._nodes:
                 node.service(self.now)
-            flying = self.switch.next_deadline()
-            due = [d for node in self._nodes if (d := node.next_deadline()) is not None and d <= self.now]
-            if not delivered and not due and (flying is None or flying > self.now):
-                return
+            due = self._earliest()
+            if not delivered and (due is None or due > self.now):
+                return due
         raise InternalError("the virtual world does not come to rest: a machine asks to be called again and again")
 
 

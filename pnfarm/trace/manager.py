@@ -16,6 +16,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.faults.events import InjectionBegan, InjectionEnded
 from pnfarm.station.events import FaultRaised, WarningChanged
 from pnfarm.table import trace as codes
+from pnfarm.table.access.record_fields import field_views
 from pnfarm.table.segments import Segments
 from pnfarm.trace.choosing import TracedStations
 from pnfarm.trace.events import TraceEnded, TraceTriggered
@@ -196,6 +197,7 @@ class TraceManager:
         self._traces: dict[str, Trace] = {}
         #: Rows whose end the engine has not seen -> first probe and part of the ring.
         self._closing: dict[int, tuple[int, int]] = {}
+        (self._rows_in_use,) = field_views(columns.engine[0], "trace_rows")
         self._probes = Segments(columns.probe.shape[0])
         self._ring = Segments(columns.trace_ring.shape[0])
         self._numbers = 0
@@ -408,7 +410,7 @@ class TraceManager:
             self._probes.release(first)
             self._ring.release(start)
         rows = [trace.row for trace in self._traces.values()] + list(self._closing)
-        self.columns.engine[0].trace_rows = max(rows, default=-1) + 1
+        self._rows_in_use[0] = max(rows, default=-1) + 1
 
     def _happened(self, entry: LogEntry) -> None:
         """An entry of the farm's log: count the injections on a drive, and trigger what waits for it."""

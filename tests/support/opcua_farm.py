@@ -59,9 +59,10 @@ async def served(text, path=None, server=None):
 
 @contextlib.contextmanager
 def opcua_farm(section, path=None, server=None):
-    """A running cell with this section `opcua`."""
+    """A running cell with this section `opcua`; one with a server of its own has its own name."""
     with start_blocking_portal() as portal:
-        running = served(OPCUA_CELL + f"opcua: {section}\n", path, server)
+        text = OPCUA_CELL if server is None else OPCUA_CELL.replace("farm: opcua-cell", "farm: opcua-cell-2")
+        running = served(text + f"opcua: {section}\n", path, server)
         with portal.wrap_async_context_manager(running) as (farm, url):
             yield Served(farm, url, portal)
 

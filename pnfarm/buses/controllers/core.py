@@ -21,6 +21,7 @@ from pnfarm.engine.columns import Columns, allocate
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.table import engine_row, program
+from pnfarm.table.access.record_fields import field_views
 from pnfarm.table.channel import W_START
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.table.signals import PKW_HEAD, WORD_NONE
@@ -69,6 +70,7 @@ class DriveCore(Controller):
         self._rows = {device.name: row for device, row in zip(self.devices, self.first_rows, strict=True)}
         self._rows |= {name: row for row, (name, _) in enumerate(self.axes)}
         self._tail = 0
+        (self._head,) = field_views(self.columns.engine[0], "event_head")
         for row, (_, axis) in zip(self.columns.program, self.axes, strict=True):
             configure(row, axis.program, asdict(axis.steps) | {"life": axis.life})
         self.link.set_receiver(self.receive)
@@ -123,7 +125,7 @@ class DriveCore(Controller):
 
     def drain(self, now: int) -> None:
         """Take the engine's events since the last time."""
-        head = int(self.columns.engine[0].event_head)
+        head = self._head[0]
         size = self.columns.events.shape[0]
         if head - self._tail > size:
             self._tail = head - size

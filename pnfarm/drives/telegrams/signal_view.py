@@ -205,7 +205,7 @@ class _View:
     _values: Sequence[int]
 
     def _form(self, name: str, error: type[Exception]) -> SignalForm:
-        form = self._forms.get(name.lower())
+        form = self._forms.get(name) or self._forms.get(name.lower())
         if form is None:
             hint = did_you_mean(name, self._forms)
             raise error(f"the telegram has no signal {name!r} in this direction{hint}; it has {', '.join(self._forms)}")
