@@ -1,8 +1,9 @@
 """A wheel with the engine's machine code, whose first farm starts without a compilation.
 
 ``PNFARM_MACHINE_CODE="x86-64-v3 x86-64-v2" pip wheel --no-build-isolation .`` compiles for these levels of processors
-(``pnfarm/table/compiling/processor.py``; ``generic`` on another architecture).  The environment needs what
-``locks/build.txt`` and ``locks/runtime.txt`` name.  Without the variable the wheel is one for every platform.
+(``pnfarm/table/compiling/processor.py``; ``generic`` on another architecture; ``own`` is this machine's).  The
+environment needs what ``locks/build.txt`` and ``locks/runtime.txt`` name.  Without the variable the wheel is one for
+every platform.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-LEVELS = "PNFARM_MACHINE_CODE"
+LEVELS, OWN = "PNFARM_MACHINE_CODE", "own"
 #: The oldest glibc on which Numba runs; the machine code itself calls none but mathematical functions.
 PLATFORM = "manylinux_2_17"
 
@@ -32,12 +33,8 @@ class MachineCode(BuildHookInterface):  # type: ignore[type-arg]
         # removed when this object is: after the wheel was written
         self._folder = tempfile.TemporaryDirectory(prefix="pnfarm-code-")
         for level in levels:
-            settings = {
-                "NUMBA_CPU_NAME": level,
-                "NUMBA_CPU_FEATURES": "",
-                "PYTHONPATH": self.root,
-                "PYTHONHASHSEED": "0",
-            }
+            processor = {} if level == OWN else {"NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""}
+            settings = {"PYTHONPATH": self.root, "PYTHONHASHSEED": "0", **processor}
             subprocess.run(
                 [sys.executable, "-m", "pnfarm.engine.warm", "--copy-to", self._folder.name],
                 env={**os.environ, **settings}, check=True,

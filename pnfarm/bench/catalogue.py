@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pnfarm.bench.cyclic import WAYS, akd_1024, flat, frame_cost, full_port, memory, ways
 from pnfarm.bench.devices import devices
 from pnfarm.bench.enip import enip_64
+from pnfarm.bench.first_start import first_start
 from pnfarm.bench.in_memory.virtual import firmware, scrape, trace, virtual_time
 from pnfarm.bench.latency import fault_latency
 from pnfarm.bench.load import Load
@@ -55,6 +56,7 @@ BENCHMARKS: dict[str, Benchmark] = {
         10.0,
         ("cpu-16-drives", "cpu-512-drives", *_figures("added-drive", "16-to-256", "256-to-512", "ratio")),
     ),
+    "first-start": Benchmark(first_start, 0.0, ("first-start", *_figures("first-start", "again", "interpreter"))),
     "start": Benchmark(start_64, 0.0, ("start-64", "start-64-interpreter")),
     "start-1024": Benchmark(
         start_1024,
