@@ -33,7 +33,7 @@ RUN /opt/build/bin/pip wheel --no-cache-dir --disable-pip-version-check --no-dep
 # The engine's machine code, compiled once, for any processor of this architecture.  Numba recognises stale code by a
 # file's time, which a layer may round to whole seconds.  Any user can add files to the folders, as in /tmp, but not
 # replace existing ones.
-ENV NUMBA_CACHE_DIR=/opt/pnfarm/cache NUMBA_CPU_NAME=generic
+ENV NUMBA_CACHE_DIR=/opt/pnfarm/cache
 # not in /src: what is compiled must be what was installed
 WORKDIR /
 RUN find /opt/pnfarm/lib -name '*.py' -exec touch --no-create --date=@1700000000 {} + \
@@ -59,8 +59,7 @@ COPY docker /usr/local/bin
 COPY configs /rig/configs
 ENV PATH=/opt/pnfarm/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1 \
-    NUMBA_CACHE_DIR=/opt/pnfarm/cache \
-    NUMBA_CPU_NAME=generic
+    NUMBA_CACHE_DIR=/opt/pnfarm/cache
 WORKDIR /rig
 VOLUME /var/lib/pnfarm
 EXPOSE 8702

@@ -1,9 +1,8 @@
 """A wheel with the engine's machine code, whose first farm starts without a compilation.
 
-``PNFARM_MACHINE_CODE="x86-64-v3 x86-64-v2" pip wheel --no-build-isolation .`` compiles for these levels of processors
-(``pnfarm/table/compiling/processor.py``; ``generic`` on another architecture; ``own`` is this machine's).  The
-environment needs what ``locks/build.txt`` and ``locks/runtime.txt`` name.  Without the variable the wheel is one for
-every platform.
+``PNFARM_MACHINE_CODE=1 pip wheel --no-build-isolation .`` compiles for any machine of this architecture
+(``pnfarm/table/compiling/processor.py``).  The environment needs what ``locks/build.txt`` and ``locks/runtime.txt``
+name.  Without the variable the wheel is one for every platform.
 """
 
 from __future__ import annotations
@@ -17,28 +16,24 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-LEVELS, OWN = "PNFARM_MACHINE_CODE", "own"
+ASKED = "PNFARM_MACHINE_CODE"
 #: The oldest glibc on which Numba runs; the machine code itself calls none but mathematical functions.
 PLATFORM = "manylinux_2_17"
 
 
 class MachineCode(BuildHookInterface):  # type: ignore[type-arg]
-    """Compiles for each level, and puts the code into the package."""
+    """Compiles, and puts the code into the package."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Called before the wheel is written."""
-        levels = os.environ.get(LEVELS, "").split()
-        if not levels or version == "editable":
+        if not os.environ.get(ASKED) or version == "editable":
             return
         # removed when this object is: after the wheel was written
         self._folder = tempfile.TemporaryDirectory(prefix="pnfarm-code-")
-        for level in levels:
-            processor = {} if level == OWN else {"NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""}
-            settings = {"PYTHONPATH": self.root, "PYTHONHASHSEED": "0", **processor}
-            subprocess.run(
-                [sys.executable, "-m", "pnfarm.engine.warm", "--copy-to", self._folder.name],
-                env={**os.environ, **settings}, check=True,
-            )  # fmt: skip
+        subprocess.run(
+            [sys.executable, "-m", "pnfarm.engine.warm", "--copy-to", self._folder.name],
+            env={**os.environ, "PYTHONPATH": self.root, "PYTHONHASHSEED": "0"}, check=True,
+        )  # fmt: skip
         build_data["force_include"][self._folder.name] = "pnfarm/machine_code"
         build_data["pure_python"] = False
         python = f"cp{sys.version_info.major}{sys.version_info.minor}"

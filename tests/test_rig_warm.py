@@ -17,7 +17,7 @@ from machine_code import copy_machine_code
 from pnfarm.table.compiling import code_cache
 from pnfarm.table.compiling.code_cache import is_cached, mark_cached, take_packaged
 from pnfarm.table.compiling.compiled import IS_COMPILED
-from pnfarm.table.compiling.processor import LEVELS, fitting
+from pnfarm.table.compiling.processor import GENERIC, LEVEL, NEEDED, fitting
 
 SUPPORT = Path(__file__).resolve().parent / "support"
 #: A farm with its controller in virtual time, and an engine's thread on a socket of no network.
@@ -108,22 +108,21 @@ def test_a_cache_that_cannot_be_written_is_no_failure(tmp_path, monkeypatch):
     assert not is_cached()
 
 
-V3 = LEVELS["x86-64-v3"]
+ALL = dict.fromkeys(NEEDED, True)
 
 
 @pytest.mark.parametrize(
-    ("machine", "features", "level"),
+    ("machine", "features", "processor"),
     [
-        ("x86_64", dict.fromkeys(V3, True), "x86-64-v3"),
-        ("x86_64", {**dict.fromkeys(V3, True), "avx512f": True}, "x86-64-v3"),
-        ("x86_64", {**dict.fromkeys(V3, True), "movbe": False}, "x86-64-v2"),
-        ("x86_64", dict.fromkeys(LEVELS["x86-64-v2"], True), "x86-64-v2"),
-        ("x86_64", {"sse2": True}, "generic"),
-        ("aarch64", {"neon": True}, "generic"),
+        ("x86_64", ALL, LEVEL),
+        ("x86_64", {**ALL, "avx512f": True}, LEVEL),
+        ("x86_64", {**ALL, "sse4.2": False}, GENERIC),
+        ("x86_64", {}, GENERIC),
+        ("aarch64", {"neon": True}, GENERIC),
     ],
 )
-def test_a_processor_gets_the_highest_level_all_of_whose_instructions_it_has(machine, features, level):
-    assert fitting(machine, features) == level
+def test_a_processor_gets_the_level_if_it_has_all_of_its_instructions(machine, features, processor):
+    assert fitting(machine, features) == processor
 
 
 def test_the_compiler_uses_no_instruction_beyond_the_level():

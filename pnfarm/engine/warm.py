@@ -8,8 +8,7 @@ drive's step, which the loops call by its address, and the impairment of frames 
 memory, in virtual time, comes last, and is left out where a farm is to start in real time (``--real-time``): what needs
 it compiles it later.  A bus with compiled code of its own has a module ``warm`` with a function of that name.
 
-Machine code is kept per level of processors (:mod:`pnfarm.table.compiling.processor`); ``NUMBA_CPU_NAME=x86-64-v2``
-makes it for another one.
+It is for all processors of a level (:mod:`pnfarm.table.compiling.processor`).
 """
 
 from __future__ import annotations
