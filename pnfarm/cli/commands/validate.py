@@ -34,6 +34,7 @@ class SchemaOf(StrEnum):
 
     FARM = "farm"
     SCENARIO = "scenario"
+    VERIFY = "verify"
 
 
 def validate(context: typer.Context, file: FarmFile, shard: ShardOption = None) -> None:
@@ -101,6 +102,11 @@ def schema(
         from pnfarm.scenario.definition.schema import scenario_schema
 
         print_json(scenario_schema())
+        return
+    if of is SchemaOf.VERIFY:
+        from pnfarm.cli.verify.report import report_schema
+
+        print_json(report_schema())
         return
     from pnfarm.farm.file.schema import farm_schema
 
