@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pnfarm.errors import ConfigError, EnvironmentError_, InternalError
+from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.farm.process.address_space import ENGINE, require_address_space
 from pnfarm.terminal.output import print_line, print_next, print_section, print_table
 from pnfarm.terminal.output import seconds as time_text
@@ -130,8 +130,6 @@ def _on_wire() -> Answer:
         )
     except subprocess.TimeoutExpired:
         return Answer(left_out=[f"wire and shortest cycle: not at an end after {WIRE_SECONDS:.0f} s"])
-    if run.returncode in {ConfigError.exit_code, EnvironmentError_.exit_code}:
-        return Answer(left_out=["wire and shortest cycle: the error above"])
     if run.returncode != 0:
         raise InternalError(f"the process with a network of its own ended with code {run.returncode}")
     return Answer.model_validate_json(run.stdout)

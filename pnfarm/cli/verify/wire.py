@@ -20,6 +20,7 @@ __all__ = ["Answer"]
 
 #: The cable of known/wire.pnfarm.yml.
 NEAR, FAR = "pnverify0", "pnverify1"
+NO_LIMITS = "--no-limits"
 
 
 class Answer(BaseModel):
@@ -33,29 +34,36 @@ class Answer(BaseModel):
 def main() -> int:
     """See the module's docstring."""
     # the imports come late: a namespace is entered before anything may start a thread
-    from pnfarm.links.kernel.private_line import create_cable, enter_private_line
+    from pnfarm.links.kernel.private_line import enter_private_line
 
     answer = Answer()
+    sys.stderr.write("wire: the known farm over a veth pair, in real time\n")
     try:
-        sys.stderr.write("wire: the known farm over a veth pair, in real time\n")
+        enter_private_line(NEAR, FAR)
+    except EnvironmentError_ as exc:
+        answer.left_out.append(f"wire and shortest cycle: this machine permits no network of one's own: {exc}")
+    else:
         try:
-            enter_private_line(NEAR, FAR)
+            _in_network(answer)
         except EnvironmentError_ as exc:
-            answer.left_out.append(f"wire and shortest cycle: this machine permits no network of one's own: {exc}")
-        else:
-            import anyio
-
-            from pnfarm.cli.verify.run import on_wire
-            from pnfarm.links.serial.eager_loop import LOOKING
-
-            create_cable(NEAR, FAR)
-            answer.part = anyio.run(on_wire, backend_options=LOOKING)
-            if "--no-limits" not in sys.argv:
-                _measure(answer)
-    except PnfarmError as exc:
-        return report(exc)
+            answer.left_out.append(f"{'wire and ' if answer.part is None else ''}shortest cycle: {exc}")
+        except PnfarmError as exc:
+            return report(exc)
     sys.stdout.write(answer.model_dump_json())
     return 0
+
+
+def _in_network(answer: Answer) -> None:
+    import anyio
+
+    from pnfarm.cli.verify.run import on_wire
+    from pnfarm.links.kernel.private_line import create_cable
+    from pnfarm.links.serial.eager_loop import LOOKING
+
+    create_cable(NEAR, FAR)
+    answer.part = anyio.run(on_wire, backend_options=LOOKING)
+    if NO_LIMITS not in sys.argv:
+        _measure(answer)
 
 
 def _measure(answer: Answer) -> None:
