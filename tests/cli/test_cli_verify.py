@@ -13,11 +13,12 @@ import pytest
 from json_schema import wrongs
 
 import pnfarm as package
+from pnfarm.cli.verify import wire
 from pnfarm.cli.verify.limits import CYCLES_NS, cycle_figures
 from pnfarm.cli.verify.machine import package as package_digest
-from pnfarm.cli.verify.report import Check, CycleFigures, Part, Verdict, report_schema
+from pnfarm.cli.verify.report import Answer, Check, CycleFigures, Part, Verdict, report_schema
 from pnfarm.cli.verify.run import KNOWN, in_memory
-from pnfarm.cli.verify.wire import Answer
+from pnfarm.errors import EnvironmentError_
 from pnfarm.scenario.definition import file as scenario_file
 
 FOLDER = Path(package.__file__).parent
@@ -29,7 +30,12 @@ CLASSES = {
 
 
 def titles(step):
-    return [step.values.get("name", ""), *(title for branch in step.branches for one in branch for title in titles(one))]
+    """Of a step and of those inside of it."""
+    return [one.values.get("name", "") for one in scenario_file.walk([step])]
+
+
+def is_wanted(step, classes):
+    return step.kind in {"fault", "clear"} or any(name.startswith(("start", *classes)) for name in titles(step))
 
 
 @pytest.fixture
@@ -51,8 +57,7 @@ def broken(tmp_path, monkeypatch):
 
         def some(path):
             whole = load(path)
-            steps = [s for s in whole.steps if any(t.startswith(("start", *classes)) for t in titles(s)) or s.kind in {"fault", "clear"}]
-            return replace(whole, steps=tuple(steps))
+            return replace(whole, steps=tuple(step for step in whole.steps if is_wanted(step, classes)))
 
         monkeypatch.setattr(scenario_file, "load_scenario", some)
         part = asyncio.run(in_memory(folder))
@@ -89,7 +94,7 @@ def test_a_sound_package_passes_every_check_of_every_model(pnfarm, tmp_path):
     ("edits", "classes", "named"),
     [
         # a fieldbus watchdog that reports its fault
-        ({"ip: 10.77.0.13/24, telegram: 2": "ip: 10.77.0.13/24, telegram: 2, params: {P-1283: 20}"}, ("timeout, axis-m",),
+        ({"10.77.0.13/24,": "10.77.0.13/24, params: {P-1283: 20},"}, ("timeout, axis-m",),
          {"timeout, axis-m: the drive stops without a fault (P-1283 is 0)"}),
         # a drive that tolerates more
         ({"telegram: 3": "telegram: 3, params: {925: 9}"}, ("sign of life",),
@@ -113,9 +118,9 @@ def test_a_drive_that_is_disturbed_by_another_ones_fault_is_a_difference(broken)
 
 def test_another_seed_loses_other_frames(broken):
     found = broken({"seed: 20261129": "seed: 7"}, "frame loss", where="memory.scenario.yml")
-    assert "frame loss: of axis-h" in found
-    assert found["frame loss: of axis-h"].observed.startswith("increases ")
-    assert found["frame loss: of axis-h"].expected.startswith('pnfarm_frames_received_total{drive="axis-h"} increases ==')
+    check = found["frame loss: of axis-h"]
+    assert check.observed.startswith("increases ")
+    assert check.expected.startswith('pnfarm_frames_received_total{drive="axis-h"} increases ==')
 
 
 # -- the report
@@ -125,8 +130,8 @@ def part(*verdicts: Verdict) -> Part:
     checks = [Check(name=f"check {n}", line=n, expected="x", observed="y", verdict=v) for n, v in enumerate(verdicts)]
     verdict = Verdict.FAILED if Verdict.FAILED in verdicts else Verdict(max(verdicts, key=list(Verdict).index))
     return Part(
-        name="memory", scenario="s", verdict=verdict, seconds=1.0, runs=1, late_seconds=None, stalls=None, checks=checks,
-        faults=[],
+        name="memory", scenario="s", verdict=verdict, seconds=1.0, runs=1, late_seconds=None, stalls=None,
+        checks=checks, faults=[],
     )  # fmt: skip
 
 
@@ -171,6 +176,19 @@ def test_what_was_left_out_is_named_with_the_reason_and_does_not_fail(pnfarm, fo
     # 0.6 of a processor, two frames and a step for each
     assert report["limits"]["drives_at_1_ms"] == 120
     assert "drives with 1 ms: about 120, an estimate" in done.out
+
+
+def test_a_machine_without_a_private_network_is_reported_with_the_reason(monkeypatch, capsys):
+    def refuse(near: str, far: str) -> None:
+        raise EnvironmentError_("no namespace for you")
+
+    monkeypatch.setattr("pnfarm.cli.verify.wire.enter_private_line", refuse)
+    assert wire.main() == 0
+    answer = Answer.model_validate_json(capsys.readouterr().out)
+    assert (answer.part, answer.cycles) == (None, [])
+    (reason,) = answer.left_out
+    assert reason.startswith("wire and shortest cycle: ")
+    assert reason.endswith("no namespace for you")
 
 
 def test_the_digest_is_that_of_coreutils_and_changes_with_a_file(tmp_path):

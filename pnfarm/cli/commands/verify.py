@@ -15,8 +15,7 @@ from pnfarm.terminal.output import print_line, print_next, print_section, print_
 from pnfarm.terminal.output import seconds as time_text
 
 if TYPE_CHECKING:
-    from pnfarm.cli.verify.report import Limits, Part, Report
-    from pnfarm.cli.verify.wire import Answer
+    from pnfarm.cli.verify.report import Answer, Limits, Part, Report
 
 __all__ = ["verify"]
 
@@ -122,7 +121,7 @@ def _say(what: str) -> None:
 
 def _on_wire() -> Answer:
     """What a process with a network of its own found."""
-    from pnfarm.cli.verify.wire import Answer
+    from pnfarm.cli.verify.report import Answer
 
     try:
         run = subprocess.run(

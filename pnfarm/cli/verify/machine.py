@@ -48,10 +48,11 @@ def host() -> Host:
 def _cpuinfo(key: str) -> str:
     """The value of the first line with a key in ``/proc/cpuinfo``; empty without one."""
     try:
-        lines = Path("/proc/cpuinfo").read_text("utf-8", "replace").splitlines()
+        text = Path("/proc/cpuinfo").read_text("utf-8", "replace")
     except OSError:
         return ""
-    return next((value.strip() for name, _, value in (line.partition(":") for line in lines) if name.strip() == key), "")
+    lines = (line.partition(":") for line in text.splitlines())
+    return next((value.strip() for name, _, value in lines if name.strip() == key), "")
 
 
 def _virtualisation() -> str:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 __all__ = [
     "EXIT_CODES",
+    "Answer",
     "Check",
     "CycleFigures",
     "Fault",
@@ -107,7 +108,7 @@ class Limits(_Entry):
     frame_seconds: float | None = Field(description="CPU of one cyclic frame on a veth pair; null if not measured.")
     step_seconds: float | None = Field(description="CPU of one firmware step of a drive.")
     drives_at_1_ms: int | None = Field(
-        description="An estimate: drives with 1 ms that take 0.6 of a processor, by two frames and a step in each cycle."
+        description="An estimate: drives with 1 ms that take 0.6 of a processor, with two frames and a step a cycle."
     )
 
 
@@ -146,6 +147,14 @@ class Finding(_Entry):
     name: str
     ok: bool | None = Field(description="false: missing; null: a note.")
     detail: str
+
+
+class Answer(_Entry):
+    """What a process with a network of its own found; ``left_out`` says what was not measured, and why."""
+
+    part: Part | None = None
+    cycles: list[CycleFigures] = []
+    left_out: list[str] = []
 
 
 class Report(_Entry):

@@ -75,9 +75,7 @@ def _check(step: Step, case: dict[str, Any]) -> Check:
     observed = case["measured"] or case["message"]
     if verdict is not Verdict.PASSED and case["message"] and observed != case["message"]:
         observed = f"{case['message']} ({observed})"
-    return Check(
-        name=case["name"], line=case["line"], expected=_expected(step), observed=observed, verdict=verdict
-    )
+    return Check(name=case["name"], line=case["line"], expected=_expected(step), observed=observed, verdict=verdict)
 
 
 def _expected(step: Step) -> str:

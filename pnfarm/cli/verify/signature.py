@@ -1,4 +1,4 @@
-"""A signature of the report with the user's own key, by ``ssh-keygen -Y sign`` (OpenSSH 8.1 or later; PROTOCOL.sshsig)."""
+"""A signature of the report with the user's own key, by ``ssh-keygen -Y sign`` (OpenSSH 8.1; PROTOCOL.sshsig)."""
 
 from __future__ import annotations
 

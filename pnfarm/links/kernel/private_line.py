@@ -7,7 +7,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.links.base import PortSpec
+from pnfarm.links.kernel import bpf
+from pnfarm.links.kernel.interfaces import Interfaces
+from pnfarm.links.kernel.packet import open_packet_socket
 from pnfarm.links.kernel.sandbox import enter_sandbox
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
 if TYPE_CHECKING:
     from pnfarm.links.kernel.sandbox import Sandbox
@@ -22,12 +27,6 @@ def enter_private_line(near: str, far: str) -> Sandbox:
     a line needs: a veth pair, a macvlan on it, a raw socket.
     """
     sandbox = enter_sandbox()
-    from pnfarm.links.base import PortSpec
-    from pnfarm.links.kernel import bpf
-    from pnfarm.links.kernel.interfaces import Interfaces
-    from pnfarm.links.kernel.packet import open_packet_socket
-    from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
-
     create_cable(near, far)
     with Interfaces() as interfaces:
         try:
@@ -41,7 +40,5 @@ def enter_private_line(near: str, far: str) -> Sandbox:
 
 def create_cable(near: str, far: str) -> None:
     """A veth pair of these names, both ends up."""
-    from pnfarm.links.kernel.interfaces import Interfaces
-
     with Interfaces() as interfaces:
         interfaces.create_cable(near, far)
