@@ -36,6 +36,7 @@ from pnfarm.cli.farm_file import known_names
 from pnfarm.drives.catalogue import models
 from pnfarm.drives.parameters.user_list import COLUMNS, MAX_PARAMETERS
 from pnfarm.farm.file.lists import MAX_OCTETS
+from pnfarm.cli.verify.report import report_schema
 from pnfarm.farm.file.schema import farm_schema
 from pnfarm.firmware import state_machine
 from pnfarm.firmware.axis import AXIS
@@ -303,6 +304,7 @@ def _json(schema: dict[str, Any]) -> str:
 SCHEMAS = {
     "farm.schema.json": lambda: _json(farm_schema(known_names())),
     "scenario.schema.json": lambda: _json(scenario_schema()),
+    "verify.schema.json": lambda: _json(report_schema()),
 }
 
 

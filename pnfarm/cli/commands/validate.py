@@ -95,9 +95,9 @@ def _scenario_summary(file: Path) -> str:
 
 
 def schema(
-    of: Annotated[SchemaOf, typer.Argument(metavar="farm|scenario", help="Kind of file.", show_default=False)],
+    of: Annotated[SchemaOf, typer.Argument(metavar="farm|scenario|verify", help="Kind of file.", show_default=False)],
 ) -> None:
-    """Print the JSON Schema of the farm file or the scenario file, for editors."""
+    """Print the JSON Schema of the farm file or the scenario file, for editors, or of the report of `verify`."""
     if of is SchemaOf.SCENARIO:
         from pnfarm.scenario.definition.schema import scenario_schema
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from enum import StrEnum
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -161,7 +161,7 @@ class Report(_Entry):
     """What `pnfarm verify --json` writes."""
 
     report: Literal["pnfarm verify"] = "pnfarm verify"
-    version: Literal[1] = Field(1, description="Of this schema.")
+    version: Annotated[Literal[1], Field(description="Of this schema.")] = 1
     date: str = Field(description="Begin, ISO 8601, UTC.")
     verdict: Verdict = Field(description="passed, failed or inconclusive: the worst part.")
     versions: Versions

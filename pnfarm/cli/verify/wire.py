@@ -30,7 +30,9 @@ NO_LIMITS = "--no-limits"
 
 def main() -> int:
     """See the module's docstring."""
-    part, cycles, left_out = None, [], []
+    part: Part | None = None
+    cycles: list[CycleFigures] = []
+    left_out: list[str] = []
     sys.stderr.write("wire: the known farm over a veth pair, in real time\n")
     try:
         enter_private_line(NEAR, FAR)
@@ -42,6 +44,9 @@ def main() -> int:
         left_out = [f"{'wire and ' if part is None else ''}shortest cycle: {exc}"]
     except PnfarmError as exc:
         return report(exc)
+    except KeyboardInterrupt:
+        # the command, which gets the signal too, reports it
+        return 130
     sys.stdout.write(Answer(part=part, cycles=cycles, left_out=left_out).model_dump_json())
     return 0
 
