@@ -33,10 +33,10 @@ import plant_page
 from pnfarm.buses.ethernetip.controller import session as scanner_session
 from pnfarm.buses.profinet.controller import session
 from pnfarm.cli.farm_file import known_names
+from pnfarm.cli.verify.report import report_schema
 from pnfarm.drives.catalogue import models
 from pnfarm.drives.parameters.user_list import COLUMNS, MAX_PARAMETERS
 from pnfarm.farm.file.lists import MAX_OCTETS
-from pnfarm.cli.verify.report import report_schema
 from pnfarm.farm.file.schema import farm_schema
 from pnfarm.firmware import state_machine
 from pnfarm.firmware.axis import AXIS
