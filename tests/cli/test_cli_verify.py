@@ -6,6 +6,7 @@ import asyncio
 import json
 import shutil
 import subprocess
+from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,9 +18,11 @@ from pnfarm.cli.verify import wire
 from pnfarm.cli.verify.limits import CYCLES_NS, cycle_figures
 from pnfarm.cli.verify.machine import package as package_digest
 from pnfarm.cli.verify.report import Answer, Check, CycleFigures, Part, Verdict, report_schema
-from pnfarm.cli.verify.run import KNOWN, in_memory
+from pnfarm.cli.verify.run import KNOWN, in_memory, on_wire
+from pnfarm.drives import catalogue
 from pnfarm.errors import EnvironmentError_
 from pnfarm.scenario.definition import file as scenario_file
+from pnfarm.scenario.own_farm import Outcome
 
 FOLDER = Path(package.__file__).parent
 #: Every class of fault, as the checks' names begin.
@@ -74,8 +77,8 @@ def test_a_sound_package_passes_every_check_of_every_model(pnfarm, tmp_path):
     assert done.code == 0, done.out
     report = json.loads(file.read_text())
     schema = report_schema()
-    assert schema.pop("$schema").endswith("2020-12/schema")
-    assert list(wrongs(report, schema, schema)) == []
+    words = {word: value for word, value in schema.items() if not word.startswith("$")}
+    assert list(wrongs(report, words, schema)) == []
     (part,) = report["parts"]
     assert (report["verdict"], part["name"], report["seeds"]) == ("passed", "memory", [20261129])
     checks = part["checks"]
@@ -107,6 +110,27 @@ def test_a_drive_or_a_plant_that_behaves_otherwise_is_a_difference_with_its_name
     found = broken(edits, *classes)
     assert found.keys() == named
     assert {check.verdict for check in found.values()} == {Verdict.FAILED}
+
+
+@pytest.fixture
+def changed_models(tmp_path, monkeypatch):
+    """The folder of the package's models, a copy that may be changed."""
+    folder = tmp_path / "models"
+    shutil.copytree(catalogue.SHIPPED_FOLDER, folder)
+    monkeypatch.setattr(catalogue, "SHIPPED_FOLDER", folder)
+    catalogue._entries.cache_clear()
+    yield folder
+    catalogue._entries.cache_clear()
+
+
+def test_a_model_whose_data_was_changed_in_the_package_is_a_difference_of_its_drive(broken, changed_models):
+    file = changed_models / "kollmorgen_akd" / "profinet" / "2017" / "model.toml"
+    file.write_text(file.read_text().replace("fault = { value = 702,", "fault = { value = 602,"))
+    found = broken({}, "timeout, axis-a")
+    (check,) = found.values()
+    assert check.name == "timeout, axis-a: the drive reports its fault"
+    assert check.expected == "axis-a: fault == 702, within 8ms"
+    assert "not true within 8ms on axis-a (axis-a: fault = 602)" in check.observed
 
 
 def test_a_drive_that_is_disturbed_by_another_ones_fault_is_a_difference(broken):
@@ -170,6 +194,7 @@ def test_what_was_left_out_is_named_with_the_reason_and_does_not_fail(pnfarm, fo
     found(part(Verdict.PASSED), Answer(left_out=["wire and shortest cycle: not permitted"]))
     done = pnfarm("verify", "--json", tmp_path / "r.json")
     assert done.code == 0
+    assert "shortest cycle that" not in done.out
     assert "left out: wire and shortest cycle: not permitted" in done.out.splitlines()
     report = json.loads((tmp_path / "r.json").read_text())
     assert report["left_out"] == ["wire and shortest cycle: not permitted"]
@@ -189,6 +214,16 @@ def test_a_machine_without_a_private_network_is_reported_with_the_reason(monkeyp
     (reason,) = answer.left_out
     assert reason.startswith("wire and shortest cycle: ")
     assert reason.endswith("no namespace for you")
+
+
+def test_the_shortest_cycle_is_shown_beside_the_floor_and_the_load_of_others(pnfarm, found):
+    cycles = [figures(1_000_000, held=True), figures(500_000, held=False).model_copy(update={"others_cores": 1.5})]
+    found(part(Verdict.PASSED), Answer(cycles=cycles))
+    lines = pnfarm("verify").out.splitlines()
+    assert "shortest cycle that this machine holds: 1 ms" in lines
+    assert "other programs ran meanwhile: measure again on an idle machine" in lines
+    (row,) = (line for line in lines if line.startswith("500 us"))
+    assert row.split()[-3:] == ["cores", "not", "held"]
 
 
 def test_the_digest_is_that_of_coreutils_and_changes_with_a_file(tmp_path):
@@ -297,3 +332,31 @@ def figures(cycle_ns: int, *, held: bool) -> CycleFigures:
         cycle_seconds=cycle_ns / 1e9, drives=1, seconds=1.0, lateness_p50_seconds=0.0, lateness_p99_seconds=0.0,
         lateness_max_seconds=0.0, floor_p99_seconds=0.0, stalls=0, lost_connections=0, others_cores=0.0, held=held,
     )  # fmt: skip
+
+
+# -- the part on the wire
+
+
+@pytest.mark.parametrize(("verdicts", "runs"), [(["inconclusive", "passed"], 2), (["inconclusive"] * 3, 3)])
+def test_a_machine_that_stalls_gets_three_runs(monkeypatch, verdicts, runs):
+    left = list(verdicts)
+
+    class Controllers(AbstractAsyncContextManager):
+        def __init__(self, config, log):
+            del config, log
+
+        async def __aexit__(self, *_):
+            return None
+
+    async def started(binding, config, opened):
+        del config, opened
+        number = next(number for number, step in enumerate(binding.scenario.every_step()) if step.kind == "expect")
+        case = {"number": number, "name": "check", "line": 1, "verdict": left.pop(0), "measured": "", "message": "late"}
+        late = {"farm_late_seconds": 0.5, "overruns": 7}
+        return Outcome({"cases": [case], "faults": [], "seconds": 1.0, "lateness": late}, 0)
+
+    monkeypatch.setattr("pnfarm.controller.runtime.Plc", Controllers)
+    monkeypatch.setattr("pnfarm.scenario.own_farm.run_started", started)
+    found = asyncio.run(on_wire())
+    assert (found.runs, found.verdict.value, left) == (runs, verdicts[runs - 1], [])
+    assert (found.late_seconds, found.stalls) == (0.5, 7)

@@ -179,6 +179,8 @@ def _print_part(part: Part) -> None:
 
 
 def _print_limits(limits: Limits) -> None:
+    from pnfarm.bench.load import LIMIT_CORES
+
     columns = ("CYCLE", ">DRIVES", ">LATE P50", ">P99", ">P99 OF THE FLOOR", ">MAX", ">STALLS", ">LOST", ">OTHERS", "")
     rows = [
         (
@@ -194,6 +196,8 @@ def _print_limits(limits: Limits) -> None:
     if limits.cycles:
         shortest = limits.shortest_cycle_seconds
         print_line(f"shortest cycle that this machine holds: {time_text(shortest) if shortest else 'none of these'}")
+        if any(one.others_cores > LIMIT_CORES for one in limits.cycles):
+            print_line("other programs ran meanwhile: measure again on an idle machine")
     if limits.drives_at_1_ms is not None:
         print_line(
             f"drives with 1 ms: about {limits.drives_at_1_ms}, an estimate: a frame takes "
