@@ -33,6 +33,7 @@ import plant_page
 from pnfarm.buses.ethernetip.controller import session as scanner_session
 from pnfarm.buses.profinet.controller import session
 from pnfarm.cli.farm_file import known_names
+from pnfarm.cli.verify.report import report_schema
 from pnfarm.drives.catalogue import models
 from pnfarm.drives.parameters.user_list import COLUMNS, MAX_PARAMETERS
 from pnfarm.farm.file.lists import MAX_OCTETS
@@ -303,6 +304,7 @@ def _json(schema: dict[str, Any]) -> str:
 SCHEMAS = {
     "farm.schema.json": lambda: _json(farm_schema(known_names())),
     "scenario.schema.json": lambda: _json(scenario_schema()),
+    "verify.schema.json": lambda: _json(report_schema()),
 }
 
 

@@ -37,7 +37,7 @@ EXCLUSIVE = (
     "api/test_api_server.py", "buses/profibus/test_profibus_line.py",
     "cli/test_cli_attacked.py", "cli/test_cli_bench.py", "cli/test_cli_client.py", "cli/test_cli_demo.py",
     "cli/test_cli_log_limit.py", "cli/test_cli_memory.py", "cli/test_cli_run_library.py",
-    "cli/test_cli_run_rigs.py", "cli/test_cli_running.py",
+    "cli/test_cli_run_rigs.py", "cli/test_cli_running.py", "cli/test_cli_verify_wire.py",
     "engine/test_engine_realtime.py", "engine/test_engine_replay.py", "farm/test_farm_library.py",
     "farm/test_postgres_memory.py", "library/test_library_real.py", "testing/test_pytest_examples.py",
     "faults/test_fault_real_link.py", "interop", "links", "opcua/test_opcua_farm.py",

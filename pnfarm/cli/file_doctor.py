@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.farm.shard import Shard
 
-__all__ = ["examine_file", "judge", "judge_cycles"]
+__all__ = ["ROOMY", "examine_file", "judge", "judge_cycles", "measured_costs"]
 
 #: Share of one processor up to which the engine keeps its time with room for storms, and at which there is none left.
 ROOMY, FULL = 0.6, 0.9
@@ -42,7 +42,7 @@ def examine_file(config: FarmConfig, shard: Shard | None = None) -> list[Finding
     drives = expand_all(config)
     load = load_of(config, drives if shard is None else part_of(config, drives, shard))
     if load.frames and isinstance(config.link, MacvlanLink | VethLink):
-        measured = _measured()
+        measured = measured_costs()
         found.append(judge(load, *measured))
         found += judge_cycles(config, load, measured[0])
     return found
@@ -124,7 +124,7 @@ def _database(url: str, config: FarmConfig) -> Finding:
 # -- processor time
 
 
-def _measured() -> tuple[float | None, float | None, str]:
+def measured_costs() -> tuple[float | None, float | None, str]:
     """ns of a frame and of a step on this machine, and why there is none."""
     program = [sys.executable, "-m", "pnfarm.bench.budget"]
     try:

@@ -32,6 +32,7 @@ from pnfarm.cli.commands import (
     trace,
     up,
     validate,
+    verify,
 )
 from pnfarm.cli.commands import run as scenario
 from pnfarm.cli.errors import report, silence_stdout
@@ -68,6 +69,7 @@ COMMANDS = (
     Command("models", Panel.REFERENCE, models.models),
     Command("schema", Panel.REFERENCE, validate.schema),
     Command("doctor", Panel.MACHINE, doctor.doctor),
+    Command("verify", Panel.MACHINE, verify.verify),
     Command("bench", Panel.MACHINE, bench.command),
 )
 

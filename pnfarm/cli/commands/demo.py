@@ -120,13 +120,15 @@ def command(
 
 def _text(drives: int, line: Path | None) -> str:
     """The farm file: in a network, with a pty named ``line``; in memory without."""
+    from pnfarm.links.kernel.private_line import create_cable
+
     every = drives // 8
     if line is None:
         scanner = SCANNER.format(ip=SCANNER_IP, where="mac: auto") if every else ""
         master = MASTER if every else ""
         link, where = "{kind: memory}", "mac: auto"
     else:
-        _cable()
+        create_cable(PARENT, PEER)
         own = f"mac: auto, link: {{kind: macvlan, parent: {PEER}}}"
         scanner = SCANNER.format(ip=SCANNER_IP, where=own) if every else ""
         master = MASTER if every else ""
@@ -163,34 +165,14 @@ def _check_writable(file: Path | None) -> None:
 
 def _enter() -> tuple[str, str]:
     """Where the demo runs ("user", "root" or "memory"), and the reason if it is memory."""
-    from pnfarm.links.kernel.sandbox import enter_sandbox
+    from pnfarm.links.kernel.private_line import enter_private_line
 
     if os.environ.get("PNFARM_DEMO_MEMORY") == "1":
         return "memory", "PNFARM_DEMO_MEMORY is set"
     try:
-        sandbox = enter_sandbox()
-        _try()
+        return enter_private_line(PARENT, PEER).kind, ""
     except EnvironmentError_ as exc:
         return "memory", str(exc)
-    return sandbox.kind, ""
-
-
-def _try() -> None:
-    """Check that the kernel permits what the demo needs: a veth pair, a macvlan on it, a raw socket."""
-    from pnfarm.links.base import PortSpec
-    from pnfarm.links.kernel import bpf
-    from pnfarm.links.kernel.interfaces import Interfaces
-    from pnfarm.links.kernel.packet import open_packet_socket
-    from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
-
-    _cable()
-    try:
-        with Interfaces() as interfaces:
-            (port,) = interfaces.create_macvlans("demo trial", PARENT, [PortSpec("trial", b"\x02\0\0\0\0\x01")])
-        open_packet_socket(ETHERTYPE_PROFINET, bpf.ethertype_filter(port.index, port.index)).close()
-    finally:
-        # removes the macvlan with it
-        _uncable()
 
 
 def _announce(where: str, why: str) -> None:
@@ -202,18 +184,3 @@ def _announce(where: str, why: str) -> None:
     else:
         kind = "network namespace" if where == "root" else "user and network namespace"
         typer.echo(f"Running in a {kind} of its own: the network of this machine is not touched.", err=True)
-
-
-def _cable() -> None:
-    """A veth pair: the farm's macvlans on one end, the controller on the other."""
-    from pnfarm.links.kernel.interfaces import Interfaces
-
-    with Interfaces() as interfaces:
-        interfaces.create_cable(PARENT, PEER)
-
-
-def _uncable() -> None:
-    from pnfarm.links.kernel.interfaces import Interfaces
-
-    with Interfaces() as interfaces:
-        interfaces.remove_cable(PARENT)

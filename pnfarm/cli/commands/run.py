@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pnfarm.scenario.own_farm import Outcome
     from pnfarm.scenario.run import ScenarioRun, Tell
 
-__all__ = ["bound", "is_scenario", "run"]
+__all__ = ["bound", "check_writable", "is_scenario", "run"]
 
 
 def is_scenario(path: Path) -> bool:
@@ -103,7 +103,7 @@ def run(
     checked = [] if scenario.is_remote else [bound(one) for one in scenario.runs or (scenario,)]
     for path in (junit, html, as_json, pcap):
         if path is not None:
-            _check_writable(path)
+            check_writable(path)
     failure: Exception | None = None
     total = sum(1 for one in scenario.runs or (scenario,) for _ in one.every_step())
     with _Signals() as signals, Progress(scenario.name, total) as progress:
@@ -172,7 +172,7 @@ def _variables(given: list[str]) -> dict[str, Any]:
     return found
 
 
-def _check_writable(path: Path) -> None:
+def check_writable(path: Path) -> None:
     """Before a run of minutes, not after it.  Raises :class:`ConfigError`."""
     if path.is_dir() or not path.parent.is_dir():
         what = "is a folder" if path.is_dir() else f"is in {path.parent}, which is not a folder"

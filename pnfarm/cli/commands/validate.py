@@ -34,6 +34,7 @@ class SchemaOf(StrEnum):
 
     FARM = "farm"
     SCENARIO = "scenario"
+    VERIFY = "verify"
 
 
 def validate(context: typer.Context, file: FarmFile, shard: ShardOption = None) -> None:
@@ -94,13 +95,18 @@ def _scenario_summary(file: Path) -> str:
 
 
 def schema(
-    of: Annotated[SchemaOf, typer.Argument(metavar="farm|scenario", help="Kind of file.", show_default=False)],
+    of: Annotated[SchemaOf, typer.Argument(metavar="farm|scenario|verify", help="Kind of file.", show_default=False)],
 ) -> None:
-    """Print the JSON Schema of the farm file or the scenario file, for editors."""
+    """Print the JSON Schema of the farm file or the scenario file, for editors, or of the report of `verify`."""
     if of is SchemaOf.SCENARIO:
         from pnfarm.scenario.definition.schema import scenario_schema
 
         print_json(scenario_schema())
+        return
+    if of is SchemaOf.VERIFY:
+        from pnfarm.cli.verify.report import report_schema
+
+        print_json(report_schema())
         return
     from pnfarm.farm.file.schema import farm_schema
 
