@@ -46,6 +46,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
+    from pathlib import Path
 
     from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
@@ -99,11 +100,14 @@ class FarmCore:
         plant: PlantPlan | None = None,
         in_real_time: bool = False,
         file: FilePlaces = NO_FILE,
+        states: Path | None = None,
     ) -> None:
         self.name = name
         self.shard = shard
         #: Where the farm file says what the stations are.
         self.file = file
+        #: Where its saved states are; None: nowhere.
+        self.states_folder = states
         self._clock = clock
         gate = self._gate = GatedLink(link, clock)
         self.link: Link = gate
