@@ -13,7 +13,6 @@ from pnfarm.behaviours.declaration import Behaviour
 from pnfarm.engine.plant.step import take_step
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
-from pnfarm.plant.axis_ports import TAKEN
 from pnfarm.plant.coupling_kinds import CouplingKind
 from pnfarm.plant.plan import StationEnd
 from pnfarm.signals.places import plain_place
@@ -182,9 +181,12 @@ class PlantTable:
         if not end.is_axis:
             row.form = OUTLET_STATION
             return
-        taken, axis = TAKEN[end.signal], self._axes[end.station]
+        taken, axis = self._plan.axes[end.station].takes(end.signal), self._axes[end.station]
+        assert taken is not None
+        axis.handle.axis.machine.settings.parts |= taken.part
         place = place_of(AXIS, taken.field).in_row(axis.index)
         row.form, row.word, row.axis = taken.form, place.word, axis.index
+        row.scale = taken.scale
         row.shift = 0 if taken.form == OUTLET_REAL else place.shift + taken.bit
 
     def _fill_behaviour(self, row: Any, model: PlannedModel, place: int) -> int:

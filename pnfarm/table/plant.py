@@ -64,6 +64,7 @@ OUTLET = Layout(
         Field("word", "i4", "", "station", "64-bit word of the axis table with the field"),
         Field("axis", "i4", "", "station", "row of the axis that is held"),
         Field("shift", "u1", "bits", "station", "of a bit: its place in the word"),
+        Field("scale", "f8", "", "station", "of a field f8: what it has for a value of 1", default=1),
         Field("shown", "f8", "", "engine", "of a station's input: the value that was reported last"),
         Field("seen", "u1", "", "engine", "1 = shown is set"),
     ],

@@ -85,10 +85,12 @@ def test_a_scenario_that_the_hub_carries_out_restores_every_shard(tmp_path):
         async def run():
             transport = httpx.ASGITransport(world.app)
             async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
-                begun = (
-                    await client.post("scenarios", json={"text": f"scenario: s\nsteps:\n  - restore: {name}\n"})
-                ).json()
-                while (found := (await client.get(f"scenarios/{begun['id']}")).json())["state"] != "ended":
+                text = f"scenario: s\nsteps:\n  - restore: {name}\n"
+                begun = (await client.post("scenarios", json={"text": text})).json()
+                for _ in range(500):
+                    found = (await client.get(f"scenarios/{begun['id']}")).json()
+                    if found["state"] == "ended":
+                        break
                     await asyncio.sleep(0.01)
                 return found
 

@@ -117,7 +117,7 @@ def test_a_farm_file_without_a_folder_for_states_is_an_error_at_the_line(folder)
     (folder / "none.pnfarm.yml").write_text(FARM.replace("state: kept\n", ""))
     path = folder / "none.scenario.yml"
     path.write_text("scenario: restore\nfarm: none.pnfarm.yml\nsteps: [{restore: closed}]\n")
-    with pytest.raises(ConfigError, match="3: .*there is no state closed; allowed: `state: FOLDER` in the farm file"):
+    with pytest.raises(ConfigError, match=r"3: .*there is no state closed; allowed: `state: FOLDER` in the farm file"):
         bound(load_scenario(path))
 
 

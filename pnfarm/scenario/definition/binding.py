@@ -158,9 +158,7 @@ def _errors(
                 what = f"no fault above is called {wanted!r}{did_you_mean(wanted, names)}"
                 yield "", what, ", ".join(("all", *sorted(names)))
         case "restore" if states is not None and (wanted := step.values["state"]) not in states:
-            allowed = (
-                shortened(states) or "`state: FOLDER` in the farm file, and a state that `pnfarm state save` saved"
-            )
+            allowed = shortened(states) or "`state: FOLDER` in the farm file, with states of `pnfarm state save`"
             yield "", f"there is no state {wanted}{did_you_mean(wanted, states)}", allowed
         case "wait" | "expect" if not missing and (step.get("that") or step.get("until")):
             try:
