@@ -131,7 +131,7 @@ class Plant:
             self.python.close()
             self.fmus.close()
 
-    def changed(self, now: int) -> None:
+    def changed(self) -> None:
         """The engine reported that inputs of stations changed: write them."""
         row = self.row
         # before the values are read: what changes from now on is reported again
