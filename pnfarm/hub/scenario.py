@@ -202,7 +202,7 @@ class HubRun(Flow):
                 forced = [self._write(name, values, "force") for name, values in step.values["signals"].items()]
                 yield from self._await(self._each(forced))
             case "release":
-                found = releases(step.values["signals"], self._hub.shards.devices)
+                found = releases(step.values["signals"], self._hub.shards.with_signals)
                 yield from self._await(self._each([self._write(name, one, "force") for name, one in found.items()]))
             case "restore":
                 answer = yield from self._await(HubStates(self._hub).restore(step.values["state"], check=False))
