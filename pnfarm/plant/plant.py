@@ -77,7 +77,9 @@ class Plant:
                 self._written.setdefault(end.station, []).append((signal, number))
         wired = frozenset(self._targets)
         #: The models, by name.
-        self.parts = {name: PlantPart(model, self.table.values, wired) for name, model in plan.models.items()}
+        self.parts = {
+            name: PlantPart(model, self.table.values, wired, self.table.hold) for name, model in plan.models.items()
+        }
 
     @property
     def row(self) -> Any:

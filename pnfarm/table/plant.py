@@ -17,6 +17,11 @@ WIRE_NUMBER = 0  # source * scale + offset
 WIRE_BIT = 1  # 1 where the source is not 0
 WIRE_INVERTED = 2  # 1 where it is 0
 
+# When a wire copies (``WIRE.late``).
+WIRE_EARLY = 0
+WIRE_LATE = 1
+WIRE_HELD = 2
+
 # Where a value goes to (``OUTLET.form``).
 OUTLET_REAL = 0  # a field f8 of an axis
 OUTLET_BIT = 1  # a bit of a field u4 of an axis
@@ -32,7 +37,9 @@ WIRE = Layout(
     "A wire of the plant: copies a value in each step.",
     [
         Field("form", "u1", "", "station", "WIRE_*"),
-        Field("late", "u1", "", "station", "1 = copied after the models' step, because it ends at an outlet"),
+        Field(
+            "late", "u1", "", "station", "1 = copied after the models' step, as it ends at an outlet; 2 = not at all"
+        ),
         Field("source", "i4", "", "station", "number of the value that is read"),
         Field("target", "i4", "", "station", "number of the value that is written"),
         Field("scale", "f8", "", "station", "factor"),
