@@ -18,9 +18,9 @@ WIRE_BIT = 1  # 1 where the source is not 0
 WIRE_INVERTED = 2  # 1 where it is 0
 
 # When a wire copies (``WIRE.late``).
-WIRE_EARLY = 0
-WIRE_LATE = 1
-WIRE_HELD = 2
+WIRE_EARLY = 0  # before the models' step
+WIRE_LATE = 1  # after it, because it ends at an outlet
+WIRE_HELD = 2  # not at all: a force holds the input at its end
 
 # Where a value goes to (``OUTLET.form``).
 OUTLET_REAL = 0  # a field f8 of an axis
@@ -37,9 +37,7 @@ WIRE = Layout(
     "A wire of the plant: copies a value in each step.",
     [
         Field("form", "u1", "", "station", "WIRE_*"),
-        Field(
-            "late", "u1", "", "station", "1 = copied after the models' step, as it ends at an outlet; 2 = not at all"
-        ),
+        Field("late", "u1", "", "station", "WIRE_EARLY, WIRE_LATE, or WIRE_HELD"),
         Field("source", "i4", "", "station", "number of the value that is read"),
         Field("target", "i4", "", "station", "number of the value that is written"),
         Field("scale", "f8", "", "station", "factor"),

@@ -109,5 +109,5 @@ def test_a_torn_wire_is_a_force_on_the_input_at_its_end(carried_out):
 def test_an_input_with_a_wire_cannot_be_set_and_an_output_not_forced(carried_out):
     record = carried_out("set: {cam.position: 1}")
     assert re.search(r"has a wire, which writes it; allowed: an input without a wire, or a force", str(record["cases"]))
-    with pytest.raises(ConfigError, match="cam.on: is an output"):
+    with pytest.raises(ConfigError, match=r"cam\.on: is an output"):
         carried_out("force: {cam.on: true}")
