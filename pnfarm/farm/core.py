@@ -524,6 +524,11 @@ class FarmCore:
             self.settle(owner, now)
 
     @property
+    def now(self) -> int:
+        """The farm's time, ns."""
+        return self._clock()
+
+    @property
     def events_lost(self) -> int:
         """Events of the engine that were overwritten before they were read."""
         return self._engine_events.lost

@@ -135,17 +135,20 @@ class PortSignals:
         if not check:
             self._written, self._forced = written, forced
             for name in self._wired:
-                self._hold(self._numbers[name], forced.get(name))
+                self._hold_wire(name)
             self._changes += 1
 
     def _apply(self, names: Any) -> None:
         for name in names:
             if name in self._wired:
-                self._hold(self._numbers[name], self._forced.get(name))
+                self._hold_wire(name)
                 continue
             value = self._forced.get(name, self._written.get(name, 0.0))
             self._values[self._numbers[name]] = float(value)
         self._changes += 1
+
+    def _hold_wire(self, name: str) -> None:
+        self._hold(self._numbers[name], float(self._forced[name]) if name in self._forced else None)
 
     def _checked(self, values: Mapping[str, Value], *, forces: bool = False) -> dict[str, Value]:
         found: dict[str, Value] = {}
