@@ -85,8 +85,11 @@ class ScenarioRun(Flow):
                 self._check_metric(step, "metric", step.values["metric"], _asked(step))
             if "measure" in step.values:
                 self._check_metric(step, "measure", step.values["measure"].metric, step.values["measure"].asked)
-            if step.kind == "restore":
-                self._check_state(step)
+        # each once, however often it is restored
+        for step in {
+            one.values["state"]: one for one in binding.scenario.every_step() if one.kind == "restore"
+        }.values():
+            self._check_state(step)
         self._moments = TraceExcerpts(core, named_stations(binding), named_signals(binding), now) if traced else None
         # what the farm lost before may not be back yet
         for name in self._stations:

@@ -165,7 +165,7 @@ drives:
     ip: 10.77.0.11/24
     axes:
       - {name: x, telegram: 1}
-      - {name: y, telegram: 1}
+      - {name: y, telegram: 1, params: {p2000: 1500.0}}
       - {name: z, telegram: 1}
 controller: {ip: 10.77.0.1/24, program: {kind: constant, speed_rpm: 300, acknowledge_after: 300ms}}
 """
