@@ -80,15 +80,16 @@ class ScenarioRun(Flow):
         self._own_losses: dict[str, int] = {}
         self._states = SavedStates(core, core.states_folder, lambda: self._now)
         self._stations = {station.configured_name: station for station in core.axes}
+        # a state is checked once, however often it is restored
+        restored: dict[str, Step] = {}
         for step in binding.scenario.every_step():
+            if step.kind == "restore":
+                restored.setdefault(step.values["state"], step)
             if "metric" in step.values:
                 self._check_metric(step, "metric", step.values["metric"], _asked(step))
             if "measure" in step.values:
                 self._check_metric(step, "measure", step.values["measure"].metric, step.values["measure"].asked)
-        # each once, however often it is restored
-        for step in {
-            one.values["state"]: one for one in binding.scenario.every_step() if one.kind == "restore"
-        }.values():
+        for step in restored.values():
             self._check_state(step)
         self._moments = TraceExcerpts(core, named_stations(binding), named_signals(binding), now) if traced else None
         # what the farm lost before may not be back yet
