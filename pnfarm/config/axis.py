@@ -11,7 +11,7 @@ from pnfarm.config.section import Section
 from pnfarm.config.values import Duration, between
 from pnfarm.drives.description.motor_kinds import axis_value
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.axis_codes import FASTEST_RPM
+from pnfarm.table.axis_codes import FARTHEST, FASTEST_RPM
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
@@ -167,8 +167,6 @@ _TOGETHER: dict[str, tuple[float, float, str, str]] = {
     "load.torque": (-1e7, 1e7, "load", "load torque"),
     "motor.max_velocity": (1e-3, FASTEST_RPM, "motor", "max velocity"),
 }
-#: Positions of the machine's parts on the shaft, revolutions.
-FARTHEST = 1e9
 
 
 def axis_complaints(axis: Any, load: Load, motor: Motor, pitch: float) -> list[tuple[str, str, str]]:

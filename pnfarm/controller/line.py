@@ -25,6 +25,7 @@ from pnfarm.farm.file.places import places_of
 from pnfarm.farm.file.reading import controller_mac, expand_all
 from pnfarm.farm.plant import plant_of
 from pnfarm.farm.shard import part_of
+from pnfarm.farm.state.files import states_folder
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.capture.pcap import PcapLink
 from pnfarm.station.event_log import EventLog
@@ -220,6 +221,7 @@ class VirtualLine:
             devices=devices,
             plant=plant_of(config, stations, model_of),
             file=places_of(config, whole_farm),
+            states=states_folder(config.state_directory, shard),
         )
         world.join(farm, ports)
         farm.start(world.now)

@@ -46,6 +46,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
+    from pathlib import Path
 
     from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
@@ -99,11 +100,14 @@ class FarmCore:
         plant: PlantPlan | None = None,
         in_real_time: bool = False,
         file: FilePlaces = NO_FILE,
+        states: Path | None = None,
     ) -> None:
         self.name = name
         self.shard = shard
         #: Where the farm file says what the stations are.
         self.file = file
+        #: Where its saved states are; None: nowhere.
+        self.states_folder = states
         self._clock = clock
         gate = self._gate = GatedLink(link, clock)
         self.link: Link = gate
@@ -518,6 +522,11 @@ class FarmCore:
         """The same for whatever has signals: the plant takes what is written in its next step."""
         if isinstance(owner, Station):
             self.settle(owner, now)
+
+    @property
+    def now(self) -> int:
+        """The farm's time, ns."""
+        return self._clock()
 
     @property
     def events_lost(self) -> int:

@@ -88,7 +88,7 @@ class EngineEvents:
             station.device.catch_up(now)
         if self._plant is not None:
             # its report may be among those lost, and the engine makes no other before this one is carried out
-            self._plant.changed(now)
+            self._plant.changed()
         return stations
 
     def _take(self, kind: int, row: int, when: int, value: int, now: int) -> Station | None:
@@ -104,7 +104,7 @@ class EngineEvents:
             case engine_row.CONDITION_HELD:
                 self._injections.condition_held(row, value, when)
             case engine_row.PLANT_CHANGED if self._plant is not None:
-                self._plant.changed(now)
+                self._plant.changed()
             case _:
                 return self._take_of_axis(kind, row, when, value, now)
         return None

@@ -56,7 +56,7 @@ from pnfarm.farm.plant import plant_of
 from pnfarm.farm.process.open_files import raise_file_limit
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.shard import Shard, parse_shard, part_of
-from pnfarm.farm.state.files import FOLDER
+from pnfarm.farm.state.files import states_folder
 from pnfarm.farm.state.states import SavedStates
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec, unwrap
@@ -233,12 +233,7 @@ class Farm:
     @property
     def states(self) -> SavedStates:
         """The saved states of the running farm, in its `state` folder."""
-        folder = self.config.state_directory
-        if folder is not None:
-            folder /= FOLDER
-            if self.shard is not None:
-                folder /= f"shard-{str(self.shard).replace('/', '-')}"
-        return SavedStates(self.core, folder, self.now, self.poke)
+        return SavedStates(self.core, self.core.states_folder, self.now, self.poke)
 
     @property
     def driver(self) -> RealTimeDriver | MemoryDriver:
@@ -314,6 +309,7 @@ class Farm:
                 plant=plant_of(self.config, self._stations, model_of),
                 in_real_time=self.world is None,
                 file=self._file,
+                states=states_folder(self.config.state_directory, self.shard),
             )
             for action in self.on_start:
                 action(self._core)

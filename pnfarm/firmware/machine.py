@@ -6,11 +6,13 @@ is switched off.  Switches are read once in each step; an end stop holds the sha
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 from pnfarm.firmware.direction import shaft_sign
 from pnfarm.table.axis_codes import (
     CAMS,
+    FARTHEST,
     INPUT_CONTROLLED_STOP,
     INPUT_HOME_SWITCH,
     INPUT_LIMIT_HIGH,
@@ -18,6 +20,7 @@ from pnfarm.table.axis_codes import (
     MACHINE_CAMS,
     MACHINE_STOP_HIGH,
     MACHINE_STOP_LOW,
+    MACHINE_STOPS_MOVED,
     MACHINE_SWITCH_HIGH,
     MACHINE_SWITCH_LOW,
     USED_INPUTS,
@@ -62,15 +65,20 @@ def take_switches(direction: Any, machine: Any, outside: Any, motor: Any) -> Non
 
 
 @inlined
-def hold_at_stops(direction: Any, machine: Any, motor: Any) -> None:
-    """Stop a shaft that hits an end stop."""
-    if not machine.settings.parts & (MACHINE_STOP_LOW | MACHINE_STOP_HIGH):
+def hold_at_stops(direction: Any, machine: Any, outside: Any, motor: Any) -> None:
+    """Stop a shaft that hits an end stop of the machine's or the plant's, whichever comes first."""
+    parts = machine.settings.parts
+    if not parts & (MACHINE_STOP_LOW | MACHINE_STOP_HIGH | MACHINE_STOPS_MOVED):
         return
+    low = machine.settings.stop_low if parts & MACHINE_STOP_LOW else -inf
+    high = machine.settings.stop_high if parts & MACHINE_STOP_HIGH else inf
+    if parts & MACHINE_STOPS_MOVED:
+        low, high = min(max(low, outside.stop_low), FARTHEST), max(min(high, outside.stop_high), -FARTHEST)
     sign = shaft_sign(direction)
     place, speed = sign * motor.position, sign * motor.velocity
-    if machine.settings.parts & MACHINE_STOP_LOW and place < machine.settings.stop_low:
-        motor.position = sign * machine.settings.stop_low
+    if place < low:
+        motor.position = sign * low
         motor.velocity = sign * max(speed, 0.0)
-    if machine.settings.parts & MACHINE_STOP_HIGH and place > machine.settings.stop_high:
-        motor.position = sign * machine.settings.stop_high
+    if place > high:
+        motor.position = sign * high
         motor.velocity = sign * min(speed, 0.0)

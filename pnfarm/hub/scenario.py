@@ -23,6 +23,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.hub.hosts.devices import HubDevices
 from pnfarm.hub.hosts.drives import HubDrives
+from pnfarm.hub.hosts.states import HubStates
 from pnfarm.hub.hub import read, refusal
 from pnfarm.hub.shards import AwayError
 from pnfarm.scenario.definition.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, QUANTILES
@@ -201,8 +202,12 @@ class HubRun(Flow):
                 forced = [self._write(name, values, "force") for name, values in step.values["signals"].items()]
                 yield from self._await(self._each(forced))
             case "release":
-                found = releases(step.values["signals"], self._hub.shards.devices)
+                found = releases(step.values["signals"], self._hub.shards.with_signals)
                 yield from self._await(self._each([self._write(name, one, "force") for name, one in found.items()]))
+            case "restore":
+                answer = yield from self._await(HubStates(self._hub).restore(step.values["state"], check=False))
+                for note in answer["notes"]:
+                    self.record.note_told(self._now, "", note, None)
             case "param":
                 writes = [
                     self._drive("PUT", name, f"params/{quote(str(parameter), safe='')}", {"value": value})

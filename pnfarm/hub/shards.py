@@ -54,8 +54,8 @@ class Shard:
     view: dict[str, Any] = field(default_factory=dict)
     #: Its devices by name, and what `model:` means each by; the same for its whole run.
     devices: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    #: Of its plant: what has signals beside its devices.
-    models: set[str] = field(default_factory=set)
+    #: The models of its plant, which have signals, too, and the kind of each.
+    models: dict[str, str] = field(default_factory=dict)
     #: Its faults by id as they were seen last.
     faults: dict[str, dict[str, Any]] = field(default_factory=dict)
     errors: Counter[str] = field(default_factory=Counter)
@@ -186,7 +186,7 @@ class Shards:
     ) -> None:
         """Its answer to ``GET drives``, and in a new run its ``devices`` and the ``models`` of its plant."""
         if devices is not None:
-            shard.models = {str(one["name"]) for one in models}
+            shard.models = {str(one["name"]): str(one["kind"]) for one in models}
         drives = {str(one["name"]): one for one in view["drives"]}
         known = shard.devices if devices is None else {str(one["name"]): tuple(one["models"]) for one in devices}
         same = devices is None and drives.keys() == shard.drives.keys()
@@ -240,6 +240,12 @@ class Shards:
         """Every drive and device, as globs see it."""
         drives = {name: KnownDrive(_names(view), _models(str(view["model"]))) for name, view in self.views.items()}
         return {**drives, **{name: KnownDrive((name,), models) for name, models in self.devices.items()}}
+
+    @property
+    def traced_as(self) -> dict[str, KnownDrive]:
+        """Every drive, device and model of a plant, as globs see it."""
+        models = {name: kind for shard in self._all.values() for name, kind in shard.models.items()}
+        return {**self.known_as, **{name: KnownDrive((name,), (kind,)) for name, kind in models.items()}}
 
     def own_name(self, name: str) -> str:
         """A drive's name in its farm file.  Raises as :meth:`known`."""

@@ -9,6 +9,7 @@ from pnfarm.behaviours.declaration import Port, bit, number
 from pnfarm.firmware.axis import AXIS
 from pnfarm.station.signals import SIGNALS, find_signal
 from pnfarm.table.access.places import Place, place_of
+from pnfarm.table.axis_codes import MACHINE_STOPS_MOVED
 from pnfarm.table.plant import OUTLET_BIT, OUTLET_PLACE, OUTLET_REAL
 
 if TYPE_CHECKING:
@@ -22,16 +23,24 @@ __all__ = ["GIVEN", "TAKEN", "PlantAxis", "Taken"]
 
 #: Digital inputs of a drive.
 INPUTS = 32
+#: Dry friction that no motor overcomes, N m: more than inertia and torque of any axis make of a step.
+HOLDING = 1e15
+_MOVED = MACHINE_STOPS_MOVED
 
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """Where a value for an axis goes: the field of its record, and the bit of it."""
+    """Where a value for an axis goes: the field of its record, and the bit of it, or what it has for a value of 1.
+
+    ``part``: the part of the machine (MACHINE_*) that an axis with a wire to it has.
+    """
 
     port: Port
     form: int
     field: str
     bit: int = 0
+    scale: float = 1.0
+    part: int = 0
 
 
 #: What any axis has beside its signals: the shaft as the machine sees it, whatever the drive's home and direction.
@@ -50,6 +59,9 @@ TAKEN: Mapping[str, Taken] = {
         Taken(number("load_inertia", "in addition to the load's, kg m^2"), OUTLET_REAL, "outside.inertia"),
         Taken(number("load_friction", "dry friction in addition", "Nm"), OUTLET_REAL, "outside.friction"),
         Taken(number("load_position", "the shaft is held here", "revolutions"), OUTLET_PLACE, "outside.place"),
+        Taken(number("stop_low", "end stop: no further down"), OUTLET_REAL, "outside.stop_low", part=_MOVED),
+        Taken(number("stop_high", "end stop: no further up"), OUTLET_REAL, "outside.stop_high", part=_MOVED),
+        Taken(bit("brake_applied", "a brake of the machine holds it"), OUTLET_REAL, "outside.holding", scale=HOLDING),
         Taken(bit("limit_low", "the low limit switch is pressed"), OUTLET_BIT, "outside.limits", 0),
         Taken(bit("limit_high", "the high limit switch is pressed"), OUTLET_BIT, "outside.limits", 1),
         *(Taken(bit(f"input_{i}", f"digital input {i}"), OUTLET_BIT, "outside.inputs", i) for i in range(INPUTS)),
@@ -85,6 +97,14 @@ class PlantAxis:
         if signal is None or not signal.has_place or signal.form in {"text", "state", "fault"}:
             return None
         return Port(name, "bit" if signal.form == "bit" else "number", signal.doc, signal.unit)
+
+    def takes(self, name: str) -> Taken | None:
+        """What the plant may give to it; None: no such thing."""
+        found = TAKEN.get(name)
+        if found is None or found.part != _MOVED:
+            return found
+        # where the machine has them
+        return replace(found, port=replace(found.port, unit=self.unit), scale=self.revolutions)
 
     @property
     def names(self) -> list[str]:

@@ -1,7 +1,7 @@
 """A model of the plant as whatever has signals: its ports are found by ``MODEL.PORT``, in conditions, by ``io``,
 in scenarios.
 
-Its inputs may be written and forced, unless a wire writes them: then the signal where the wire begins may.
+Its inputs may be written, unless a wire writes them, and forced: a force is stronger than a wire.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 from pnfarm.wire.value_types import BOOL, FLOAT64
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from pnfarm.behaviours.declaration import Port
     from pnfarm.plant.plan import PlannedModel
@@ -28,9 +28,12 @@ __all__ = ["PlantPart", "PortSignals", "port_signals"]
 
 class PortSignals:
     """As :class:`pnfarm.station.plain_signals.NamedSignals`; ``values`` are all of the plant, ``wired`` the numbers of
-    those that a wire writes."""
+    those that a wire writes; ``hold`` keeps such a wire from writing one, or with None lets it."""
 
-    def __init__(self, model: PlannedModel, values: Any, wired: frozenset[int]) -> None:
+    def __init__(
+        self, model: PlannedModel, values: Any, wired: frozenset[int], hold: Callable[[int, float | None], None]
+    ) -> None:
+        self._hold = hold
         self._values = values
         self._numbers = {name: number for name, (_, number) in (*model.inputs.items(), *model.outputs.items())}
         self._wired = {name for name, number in self._numbers.items() if number in wired}
@@ -90,7 +93,7 @@ class PortSignals:
 
     def force(self, values: Mapping[str, Value | None]) -> dict[str, str]:
         """Over what is written, until a None releases it; ``*``: None releases all."""
-        forced = self._checked({name: value for name, value in values.items() if value is not None})
+        forced = self._checked({name: value for name, value in values.items() if value is not None}, forces=True)
         released = [name for name, value in values.items() if value is None]
         if EVERY in released:
             released = list(self._forced)
@@ -103,9 +106,11 @@ class PortSignals:
 
     def owner(self, name: str) -> str:
         """Whose value it has: plant, force, value, default."""
-        if self.signal(name).direction == "output" or name in self._wired:
+        if self.signal(name).direction == "output":
             return "plant"
-        return "force" if name in self._forced else "value" if name in self._written else "default"
+        if name in self._forced:
+            return "force"
+        return "plant" if name in self._wired else "value" if name in self._written else "default"
 
     @property
     def forced(self) -> Mapping[str, Value]:
@@ -126,24 +131,32 @@ class PortSignals:
         written, forced = state.get("written"), state.get("forced")
         if not isinstance(written, dict) or not isinstance(forced, dict):
             raise SignalError([("written", "and forced are no mappings of ports", "")])
-        written, forced = self._checked(written), self._checked(forced)
+        written, forced = self._checked(written), self._checked(forced, forces=True)
         if not check:
             self._written, self._forced = written, forced
+            for name in self._wired:
+                self._hold_wire(name)
             self._changes += 1
 
     def _apply(self, names: Any) -> None:
         for name in names:
+            if name in self._wired:
+                self._hold_wire(name)
+                continue
             value = self._forced.get(name, self._written.get(name, 0.0))
             self._values[self._numbers[name]] = float(value)
         self._changes += 1
 
-    def _checked(self, values: Mapping[str, Value]) -> dict[str, Value]:
+    def _hold_wire(self, name: str) -> None:
+        self._hold(self._numbers[name], float(self._forced[name]) if name in self._forced else None)
+
+    def _checked(self, values: Mapping[str, Value], *, forces: bool = False) -> dict[str, Value]:
         found: dict[str, Value] = {}
         refused = []
         for name, value in values.items():
             try:
                 signal = self.signal(name)
-                found[name] = self._value(name, signal, value)
+                found[name] = self._value(name, signal, value, forces=forces)
             except Problem as problem:
                 refused.append((name, problem.what, problem.allowed))
             except SignalError as error:
@@ -152,11 +165,11 @@ class PortSignals:
             raise SignalError(refused)
         return found
 
-    def _value(self, name: str, signal: Signal, value: Value) -> Value:
+    def _value(self, name: str, signal: Signal, value: Value, *, forces: bool) -> Value:
         if signal.direction == "output":
-            raise Problem("is an output of the plant", "an input without a wire")
-        if name in self._wired:
-            raise Problem("has a wire, which writes it", "an input without a wire, or the signal at its begin")
+            raise Problem("is an output of the plant", "an input")
+        if name in self._wired and not forces:
+            raise Problem("has a wire, which writes it", "an input without a wire, or a force")
         found = signal.check(value)
         if not isinstance(found, (bool, int, float)) or not math.isfinite(found):
             raise Problem(f"is {shown(value)}", "a finite number")
@@ -170,9 +183,11 @@ class PlantPart:
 
     powered = connected = True
 
-    def __init__(self, model: PlannedModel, values: Any, wired: frozenset[int]) -> None:
+    def __init__(
+        self, model: PlannedModel, values: Any, wired: frozenset[int], hold: Callable[[int, float | None], None]
+    ) -> None:
         self.configured_name = model.name
-        self.signals = PortSignals(model, values, wired)
+        self.signals = PortSignals(model, values, wired, hold)
         self.kinds = model.kinds
 
     @property

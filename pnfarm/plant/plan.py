@@ -349,9 +349,9 @@ class _Planner:
 
     def _axis_end(self, at: tuple[str | int, ...], axis: str, name: str, *, ends: bool) -> _End | None:
         if ends:
-            if name in TAKEN:
-                port = TAKEN[name].port
-                return StationEnd(axis, name, port, is_axis=True), port
+            taken = self._axes[axis].takes(name)
+            if taken is not None:
+                return StationEnd(axis, name, taken.port, is_axis=True), taken.port
             hint = did_you_mean(name, TAKEN)
             allowed = ", ".join(one for one in TAKEN if not one.startswith("input_")) + ", input_0 to input_31"
             self._report(at, f"{axis} takes no {shown(name)} from a plant{hint}", allowed)

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Plant"]
 
+#: Between two looks at the steps that were left out.
+LOOK_NS = 1_000_000_000
+
 
 class Plant:
     """``signals``: those of devices, by the devices' names; ``note`` records an event, with its time first.
@@ -52,6 +55,7 @@ class Plant:
         self.carry: Callable[[Callable[[], object]], object] | None = None
         self._engine = columns.engine[0]
         self._left_out = 0
+        self._look_ns = 0
         self._in_real_time = late is not None
         #: Its rows, for a saved state.
         self.table = PlantTable(plan, axes, signals, columns)
@@ -73,7 +77,9 @@ class Plant:
                 self._written.setdefault(end.station, []).append((signal, number))
         wired = frozenset(self._targets)
         #: The models, by name.
-        self.parts = {name: PlantPart(model, self.table.values, wired) for name, model in plan.models.items()}
+        self.parts = {
+            name: PlantPart(model, self.table.values, wired, self.table.hold) for name, model in plan.models.items()
+        }
 
     @property
     def row(self) -> Any:
@@ -104,15 +110,22 @@ class Plant:
             self.carry(partial(self._note, now, event))
 
     def next_deadline(self) -> int | None:
-        """When a model in Python or an FMU is due, unless these have threads of their own."""
-        models = () if self._in_real_time else (self.python, self.fmus)
-        return min((due for one in models if (due := one.next_deadline()) is not None), default=None)
+        """When a model in Python or an FMU is due; in real time they have threads of their own, and the log is due."""
+        if self._in_real_time:
+            return self._look_ns
+        return min((due for one in (self.python, self.fmus) if (due := one.next_deadline()) is not None), default=None)
 
     def service(self, now: int) -> None:
-        """Make the steps of models in Python and of FMUs that are due, unless these have threads of their own."""
+        """Make the steps of models in Python and of FMUs that are due; in real time report those that were left out."""
         if not self._in_real_time:
             self.python.service(now)
             self.fmus.service(now)
+        elif now >= self._look_ns:
+            self._look_ns = now + LOOK_NS
+            left_out = int(self._engine.plant_late)
+            if left_out != self._left_out:
+                self._note(now, PlantStepsLeftOut(left_out - self._left_out))
+                self._left_out = left_out
 
     def close(self) -> None:
         """End the models in Python and the FMUs, unless these have threads, which end them."""
@@ -120,7 +133,7 @@ class Plant:
             self.python.close()
             self.fmus.close()
 
-    def changed(self, now: int) -> None:
+    def changed(self) -> None:
         """The engine reported that inputs of stations changed: write them."""
         row = self.row
         # before the values are read: what changes from now on is reported again
@@ -132,10 +145,6 @@ class Plant:
                 self._given[station] = found
                 changes = zip(written, found, before, strict=True)
                 self._signals[station].take({s.name: _fitting(s, new) for (s, _), new, old in changes if new != old})
-        left_out = int(self._engine.plant_late)
-        if left_out != self._left_out:
-            self._note(now, PlantStepsLeftOut(left_out - self._left_out))
-            self._left_out = left_out
 
 
 def _fitting(signal: Signal, value: float) -> Value:

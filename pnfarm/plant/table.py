@@ -10,10 +10,10 @@ import numpy as np
 
 from pnfarm.behaviours.catalogue import behaviour_number
 from pnfarm.behaviours.declaration import Behaviour
+from pnfarm.engine.gap import between_ticks
 from pnfarm.engine.plant.step import take_step
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
-from pnfarm.plant.axis_ports import TAKEN
 from pnfarm.plant.coupling_kinds import CouplingKind
 from pnfarm.plant.plan import StationEnd
 from pnfarm.signals.places import plain_place
@@ -28,6 +28,8 @@ from pnfarm.table.plant import (
     PLANT,
     WIRE,
     WIRE_BIT,
+    WIRE_EARLY,
+    WIRE_HELD,
     WIRE_INVERTED,
     WIRE_NUMBER,
 )
@@ -90,6 +92,8 @@ class PlantTable:
         self._behaviours = BEHAVIOUR.allocate(max(1, len(behaviours)))
         self._couplings = COUPLING.allocate(max(1, len(couplings)))
         self.memory = np.zeros(max(1, sum(_memory_of(one) for one in behaviours)))
+        #: Rows of the wires to models, by the numbers of the inputs.
+        self._targets = {wire.target: row for row, wire in enumerate(plan.wires) if isinstance(wire.target, int)}
         self._fill_wires(plan.wires)
         for row, (station, signal) in zip(self._probes, self.probed, strict=False):
             self._fill_probe(row, self._place(station, signal))
@@ -150,6 +154,19 @@ class PlantTable:
         # all inputs of stations are reported again
         self._outlets["seen"] = 0
 
+    def hold(self, number: int, value: float | None) -> None:
+        """Have the input with this number keep a value, whatever its wire brings; None: the wire writes it again.
+
+        Raises :class:`EnvironmentError_` where the engine comes to no rest.
+        """
+
+        def write() -> None:
+            self._wires[self._targets[number]].late = WIRE_EARLY if value is None else WIRE_HELD
+            if value is not None:
+                self.values[number] = value
+
+        between_ticks(self._columns, write)
+
     def _place(self, station: str, signal: str) -> Place:
         axis = self._axes.get(station)
         if axis is None:
@@ -182,9 +199,12 @@ class PlantTable:
         if not end.is_axis:
             row.form = OUTLET_STATION
             return
-        taken, axis = TAKEN[end.signal], self._axes[end.station]
+        taken, axis = self._plan.axes[end.station].takes(end.signal), self._axes[end.station]
+        assert taken is not None
+        axis.handle.axis.machine.settings.parts |= taken.part
         place = place_of(AXIS, taken.field).in_row(axis.index)
         row.form, row.word, row.axis = taken.form, place.word, axis.index
+        row.scale = taken.scale
         row.shift = 0 if taken.form == OUTLET_REAL else place.shift + taken.bit
 
     def _fill_behaviour(self, row: Any, model: PlannedModel, place: int) -> int:

@@ -12,6 +12,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError, PnfarmError
+from pnfarm.farm.state.states import SavedStates
 from pnfarm.faults.manager import RunState
 from pnfarm.scenario.controllers import controllers
 from pnfarm.scenario.definition.steps import DEFAULT_WITHIN_NS, QUANTILES
@@ -77,12 +78,19 @@ class ScenarioRun(Flow):
         self._forced: dict[str, set[str]] = {}
         #: Drives that lost their connection by the farm's own lateness and are not back in operation -> when.
         self._own_losses: dict[str, int] = {}
+        self._states = SavedStates(core, core.states_folder, lambda: self._now)
         self._stations = {station.configured_name: station for station in core.axes}
+        # a state is checked once, however often it is restored
+        restored: dict[str, Step] = {}
         for step in binding.scenario.every_step():
+            if step.kind == "restore":
+                restored.setdefault(step.values["state"], step)
             if "metric" in step.values:
                 self._check_metric(step, "metric", step.values["metric"], _asked(step))
             if "measure" in step.values:
                 self._check_metric(step, "measure", step.values["measure"].metric, step.values["measure"].asked)
+        for step in restored.values():
+            self._check_state(step)
         self._moments = TraceExcerpts(core, named_stations(binding), named_signals(binding), now) if traced else None
         # what the farm lost before may not be back yet
         for name in self._stations:
@@ -95,6 +103,12 @@ class ScenarioRun(Flow):
             check_metric(self._collector, metric, asked)
         except ConfigError as error:
             raise ConfigError(str(self.binding.scenario.issue(step, key, str(error), ""))) from error
+
+    def _check_state(self, step: Step) -> None:
+        try:
+            self._states.restore_at_once(step.values["state"], only_check=True)
+        except PnfarmError as error:
+            raise ConfigError(str(self.binding.scenario.issue(step, "", str(error), ""))) from error
 
     @property
     def polled(self) -> bool:
@@ -183,6 +197,9 @@ class ScenarioRun(Flow):
             case "release":
                 for name, values in releases(step.values["signals"], self._core.signal_owners).items():
                     self._force(name, values)
+            case "restore":
+                for note in self._states.restore_at_once(step.values["state"]):
+                    self.record.note_told(self._now, "", note, None)
             case "param":
                 for name in self.binding.chosen(step):
                     for parameter, value in step.values["set"].items():

@@ -26,6 +26,8 @@ USED_INPUTS = 7
 #: Upper bound of the shaft's speed, rpm: several times that of the fastest spindles.  Where a load outruns
 #: every brake, speed and position stay finite.
 FASTEST_RPM = 1e6
+#: Most revolutions from the start of the farm to a part of the machine.
+FARTHEST = 1e9
 
 # Bits of the controller's words that several parts of the firmware use.
 CONTROL_BY_PLC = 0x0400  # STW1.10: without it the controller's words are not accepted
@@ -162,6 +164,7 @@ MACHINE_SWITCH_HIGH = 0x02
 MACHINE_STOP_LOW = 0x04
 MACHINE_STOP_HIGH = 0x08
 MACHINE_CAMS = 0x10
+MACHINE_STOPS_MOVED = 0x20  # the plant says where end stops are
 
 # Use of a digital input (``machine.input_modes``): DINx.MODE of the AKD parameter reference.
 INPUT_HOME_SWITCH = 11

@@ -17,6 +17,11 @@ WIRE_NUMBER = 0  # source * scale + offset
 WIRE_BIT = 1  # 1 where the source is not 0
 WIRE_INVERTED = 2  # 1 where it is 0
 
+# When a wire copies (``WIRE.late``).
+WIRE_EARLY = 0  # before the models' step
+WIRE_LATE = 1  # after it, because it ends at an outlet
+WIRE_HELD = 2  # not at all: a force holds the input at its end
+
 # Where a value goes to (``OUTLET.form``).
 OUTLET_REAL = 0  # a field f8 of an axis
 OUTLET_BIT = 1  # a bit of a field u4 of an axis
@@ -32,7 +37,7 @@ WIRE = Layout(
     "A wire of the plant: copies a value in each step.",
     [
         Field("form", "u1", "", "station", "WIRE_*"),
-        Field("late", "u1", "", "station", "1 = copied after the models' step, because it ends at an outlet"),
+        Field("late", "u1", "", "station", "WIRE_EARLY, WIRE_LATE, or WIRE_HELD"),
         Field("source", "i4", "", "station", "number of the value that is read"),
         Field("target", "i4", "", "station", "number of the value that is written"),
         Field("scale", "f8", "", "station", "factor"),
@@ -64,6 +69,7 @@ OUTLET = Layout(
         Field("word", "i4", "", "station", "64-bit word of the axis table with the field"),
         Field("axis", "i4", "", "station", "row of the axis that is held"),
         Field("shift", "u1", "bits", "station", "of a bit: its place in the word"),
+        Field("scale", "f8", "", "station", "of a field f8: what it has for a value of 1", default=1),
         Field("shown", "f8", "", "engine", "of a station's input: the value that was reported last"),
         Field("seen", "u1", "", "engine", "1 = shown is set"),
     ],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import httpx
 import pytest
 from api_world import ApiWorld, assert_problem
@@ -69,3 +71,34 @@ def test_the_hub_restores_every_shard_once_each_says_that_it_can(tmp_path):
     assert world[1].requests == ["POST /api/v1/states/mid/restore"]
     world.lose(2)
     assert world.request("PUT", "states/mid", json={}).status_code == 503
+
+
+def test_a_scenario_that_the_hub_carries_out_restores_every_shard(tmp_path):
+    world = HubWorld(("axis-{n:02}", 1), ("pump-{n:02}", 1))
+    for number in (1, 2):
+        shard = world[number]
+        app = serve(world, shard.farm, shard.line.world, tmp_path / str(number), token=TOKEN)
+        shard.inner = httpx.ASGITransport(app, raise_app_exceptions=False)
+    assert world.request("PUT", "states/mid", json={}).status_code == 200
+
+    def carried_out(name):
+        async def run():
+            transport = httpx.ASGITransport(world.app)
+            async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
+                text = f"scenario: s\nsteps:\n  - restore: {name}\n"
+                begun = (await client.post("scenarios", json={"text": text})).json()
+                for _ in range(500):
+                    found = (await client.get(f"scenarios/{begun['id']}")).json()
+                    if found["state"] == "ended":
+                        break
+                    await asyncio.sleep(0.01)
+                return found
+
+        return asyncio.run(run())
+
+    world[1].requests.clear()
+    assert carried_out("mid")["verdict"] == "passed"
+    assert world[1].requests.count("POST /api/v1/states/mid/restore") == 2
+    (refused,) = carried_out("none")["cases"]
+    assert (refused["verdict"], refused["line"]) == ("error", 3)
+    assert "there is no state none" in refused["message"]

@@ -4,6 +4,7 @@ import pytest
 
 from pnfarm.controller.plan import plan_controllers
 from pnfarm.farm.file.reading import expand, parse_farm
+from pnfarm.testing import Line
 
 FILE = """
 farm: line
@@ -15,6 +16,18 @@ controller:
   ip: 10.77.0.1/24
   records: [{{slot: 1, subslot: 1, index: 47, data: '00', on: {on}}}]
 """
+
+
+def test_a_reference_speed_of_the_farm_file_scales_the_set_point_of_the_speed():
+    text = """farm: line
+link: {kind: memory}
+drives: [{name: axis, model: profidrive, ip: 10.77.0.11/24, telegram: 1, params: {p2000: 1500.0}}]
+controller: {ip: 10.77.0.1/24, program: {kind: constant, speed_rpm: 300}}
+"""
+    with Line.from_text(text) as line:
+        line.wait_running()
+        line.run(1.0)
+        assert line["axis"].velocity == pytest.approx(300, rel=1e-3)
 
 
 @pytest.mark.parametrize(

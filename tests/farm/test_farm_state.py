@@ -156,6 +156,49 @@ def test_an_active_fault_has_its_diagnosis_again():
         assert len(device.records.diagnosis) == 0
 
 
+AXES = """
+farm: gantry
+link: {kind: memory}
+drives:
+  - name: cu
+    model: profidrive
+    ip: 10.77.0.11/24
+    axes:
+      - {name: x, telegram: 1}
+      - {name: y, telegram: 1, params: {p2000: 1500.0}}
+      - {name: z, telegram: 1}
+controller: {ip: 10.77.0.1/24, program: {kind: constant, speed_rpm: 300, acknowledge_after: 300ms}}
+"""
+
+
+def test_each_axis_of_a_drive_is_as_it_was(tmp_path):
+    with Line.from_text(AXES) as line:
+        line.wait_running()
+        line.run(1.0)
+        x, y, z = (line[f"cu.{name}"] for name in "xyz")
+        z.inject("drive-fault", fault=4)
+        line.run(0.05)
+        state = taken(line)
+        before = [(axis.position, axis.velocity, axis.fault and axis.fault.number) for axis in (x, y, z)]
+        assert [fault for *_, fault in before] == [None, None, 4]
+        line.reset()
+        x.power_cycle()
+        line.wait_running()
+        line.run(1.0)
+        notes = put(line, state)
+        after = [(axis.position, axis.velocity) for axis in (x, y, z)]
+        assert after == [(position, velocity) for position, velocity, _ in before]
+        assert [note.partition(":")[0] for note in notes] == ["cu", "cu.x", "cu.y"]
+        line.run(0.01)
+        assert [axis.fault and axis.fault.number for axis in (x, y, z)] == [None, None, 4]
+        line.wait_running()
+        assert (x.position, y.position) > (before[0][0], before[1][0])
+        # one axis fewer is another farm file
+        fewer = AXES.replace("      - {name: z, telegram: 1}\n", "")
+    with Line.from_text(fewer) as line, pytest.raises(RefusedStateError, match=r"another farm file: cu has other axes"):
+        check_state(line.core, state)
+
+
 def test_a_drive_that_was_off_is_off_again():
     with Line("a", "b") as line:
         line["a"].power_off()

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import socket
 import time
+from functools import partial
 from urllib.parse import urlsplit
 
 import pytest
@@ -17,7 +18,8 @@ from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256  # noq
 from asyncua.ua.uaerrors import UaStatusCodeError  # noqa: E402
 from opcua_farm import PASSWORD, USER, certify, opcua_farm  # noqa: E402
 
-from pnfarm.opcua.limits import CHUNK, MOST_CONNECTIONS, MOST_OPERATIONS  # noqa: E402
+from pnfarm.opcua import limits, session  # noqa: E402
+from pnfarm.opcua.limits import CHUNK, MOST_CONNECTIONS, MOST_OPERATIONS, MOST_SUBSCRIPTIONS  # noqa: E402
 from pnfarm.opcua.points import FarmPoints  # noqa: E402
 
 #: The farm is made once for the file.
@@ -284,6 +286,57 @@ async def test_a_client_that_asks_for_too_much_is_refused(farm):
             [node(client, "axis-01.velocity")], ua.AttributeIds.Value, mfilter=deadband
         )
         assert refused[0].name == "BadMonitoredItemFilterUnsupported"
+
+
+async def _until_refused(ask, most):
+    """How many were made, and the status of the one that was not."""
+    for made in range(most):
+        try:
+            await ask()
+        except UaStatusCodeError as error:
+            return made, type(error).__name__
+    return most, "Good"
+
+
+@pytest.mark.asyncio
+async def test_sessions_beyond_their_number_are_refused_and_those_that_nobody_activates_end(farm, monkeypatch):
+    monkeypatch.setattr(limits, "MOST_SESSIONS", 4)
+    monkeypatch.setattr(limits, "PENDING_SECONDS", 0.5)
+    async with client_of(farm) as client:
+        greedy = Client(farm.url)
+        await greedy.connect_socket()
+        await greedy.send_hello()
+        await greedy.open_secure_channel()
+        assert await _until_refused(greedy.create_session, 10) == (3, "BadTooManySessions")
+        assert await node(client, "axis-01.powered").read_value() is True
+        await asyncio.sleep(1.0)
+        async with client_of(farm) as another:
+            assert await node(another, "axis-01.powered").read_value() is True
+        greedy.disconnect_socket()
+
+
+@pytest.mark.asyncio
+async def test_subscriptions_beyond_their_number_are_refused_and_end_with_their_client(farm):
+    for _ in range(2):
+        async with client_of(farm) as client:
+            ask = partial(client.create_subscription, 3_600_000, Notified())
+            made = await _until_refused(ask, 2 * MOST_SUBSCRIPTIONS)
+            assert made == (MOST_SUBSCRIPTIONS, "BadTooManySubscriptions")
+            assert await node(client, "axis-01.powered").read_value() is True
+
+
+@pytest.mark.asyncio
+async def test_monitored_items_beyond_their_number_are_refused_one_by_one_and_free_again(farm, monkeypatch):
+    monkeypatch.setattr(session, "MOST_ITEMS", 5)
+    names = ("velocity", "position", "torque", "current", "powered", "connected", "state")
+    async with client_of(farm) as client:
+        subscription = await client.create_subscription(20, Notified())
+        items = [node(client, f"axis-01.{name}") for name in names]
+        answers = await subscription.subscribe_data_change(items)
+        assert [isinstance(one, int) for one in answers] == [True] * 5 + [False] * 2
+        assert {one.name for one in answers[5:]} == {"BadTooManyMonitoredItems"}
+        await subscription.unsubscribe(answers[:5])
+        assert all(isinstance(one, int) for one in await subscription.subscribe_data_change(items[2:]))
 
 
 def _socket(farm):

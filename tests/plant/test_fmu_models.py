@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import os
 import signal
 import subprocess
@@ -15,6 +16,7 @@ from fmus import DESCRIPTION, TROUBLE, bench_fmu, needs_fmpy, python_fmu
 from plant_bench import PlantBench
 
 from pnfarm.errors import ConfigError, EnvironmentError_
+from pnfarm.farm.state.content import check_state, put_state, take_state
 from pnfarm.plant.events import PlantModelFailed, PlantModelLate
 from pnfarm.plant.fmi import models as fmu_models
 from pnfarm.testing import Line
@@ -209,17 +211,115 @@ def test_a_saved_state_continues_in_another_farm_and_what_is_none_is_refused(mak
         plant["press.u"] = 3.0
     first.run(0.021)
     second.run(0.004)
-    saved = first.fmus.save(first.now)
-    for data in (b"", b"[]", b"{}", b'{"press": 3}', saved.replace(b'"token": "bench"', b'"token": "x"'), saved[:-9]):
-        with pytest.raises(ConfigError, match=r"this is no"):
-            second.fmus.restore(data, second.now)
+    found, notes = first.fmus.states(first.now)
+    assert notes == []
+    saved = found["press"]
+    for odd in (
+        [],
+        {},
+        {"press": 3},
+        {"press": {**saved, "token": "x"}},
+        {"press": {**saved, "state": "%"}},
+        {"press": {**saved, "state": 1}},
+        {"press": {**saved, "time_ns": -1}},
+        {"press": {**saved, "time_ns": 0.5}},
+        {"press": {**saved, "remaining_ns": 10**9}},
+        {"press": {**saved, "more": 1}},
+    ):
+        with pytest.raises(ConfigError, match=r"FMU|time that it cannot have|not in base64"):
+            second.fmus.check_states(odd)
+    second.fmus.check_states(json.loads(json.dumps(found)))
     second.run(0.002)
     assert (second["press.count"], second["press.y"]) == (2, 1.5)
-    second.fmus.restore(saved, second.now)
+    assert second.fmus.put_states(found, second.now) == []
     for plant in (first, second):
         plant.run(0.040)
     seen = [[plant[f"press.{name}"] for name in ("y", "count", "seconds")] for plant in (first, second)]
     assert seen[0] == seen[1] == [2.7, 30, pytest.approx(0.06)]
+
+
+def test_an_fmu_that_refuses_a_state_goes_on_with_its_own(make, bench):
+    plant = make(bench)
+    plant.run(0.009)
+    found, _ = plant.fmus.states(plant.now)
+    found["press"]["state"] = "AAAA"
+    plant.fmus.check_states(found)
+    [note] = plant.fmus.put_states(found, plant.now)
+    assert note.startswith("press: what is inside its FMU goes on: fmi2DeSerializeFMUstate failed")
+    plant.run(0.1)
+    assert plant["press.count"] == 54
+    assert plant.events == []
+
+
+def test_an_fmu_that_has_failed_or_dies_meanwhile_is_a_sentence(make, bench):
+    plant = make(bench)
+    found, _ = plant.fmus.states(plant.now)
+    os.kill(_pid(plant), signal.SIGKILL)
+    [note] = plant.fmus.put_states(found, plant.now)
+    assert note == "press: what is inside its FMU goes on: it has failed: its process ended, SIGKILL"
+    assert plant.fmus.states(plant.now) == (
+        {"press": None},
+        ["press: what is inside its FMU is not saved: it has failed"],
+    )
+    assert [type(event) for event in plant.events] == [PlantModelFailed]
+
+
+def test_a_save_in_real_time_does_not_wait_for_a_step_without_end(make, bench, monkeypatch):
+    monkeypatch.setattr(fmu_models, "BUSY_NS", 100_000_000)
+    plant = _troubled(make, bench, "hang", at=0, in_real_time=True)
+    found, notes = plant.fmus.states(plant.now)
+    assert found == {"press": None}
+    assert notes == ["press: what is inside its FMU is not saved: it is in a step of more than 0.1 s"]
+
+
+CELL = """farm: cell
+link: {kind: memory}
+drives: [{name: x, model: akd-profinet, ip: 10.77.0.11/24}]
+plant:
+  step: 2ms
+  models: [{name: press, fmu: FMU}]
+"""
+
+
+def _taken(line):
+    state = take_state(line.core)
+    return json.loads(json.dumps(state.plain())), [note for note in state.notes if "press" in note]
+
+
+def _put(line, state):
+    return [note for note in put_state(line.core, check_state(line.core, state), line.now_ns) if "press" in note]
+
+
+def test_a_farms_state_has_what_is_inside_an_fmu(bench):
+    with Line.from_text(CELL.replace("FMU", str(bench))) as line:
+        line.run(0.1)
+        state, notes = _taken(line)
+        assert notes == []
+        count, seconds = line.plant.press.count, line.plant.press.seconds
+        line.run(0.1)
+        assert line.plant.press.count > count + 40
+        assert _put(line, state) == []
+        assert (line.plant.press.count, line.plant.press.seconds) == (count, seconds)
+        line.run(0.02)
+        assert count + 9 <= line.plant.press.count <= count + 11
+        assert line.plant.press.seconds == pytest.approx(2e-3 * line.plant.press.count)
+        state["plant"]["fmus"]["press"]["token"] = "x"
+        with pytest.raises(ConfigError, match="plant model press has the state of another FMU"):
+            _put(line, state)
+
+
+def test_a_farms_state_says_which_fmu_cannot_save_its_own(tank):
+    with Line.from_text(CELL.replace("FMU", str(tank))) as line:
+        line.plant.press.inflow = 1.0
+        line.run(0.1)
+        state, notes = _taken(line)
+        assert notes == ["press: what is inside its FMU is not saved: it cannot save its state"]
+        line.run(0.1)
+        assert _put(line, state) == ["press: what is inside its FMU goes on: it was not saved"]
+        line.run(0.1)
+        assert line.plant.press.level == pytest.approx(0.3, abs=0.02)
+        with pytest.raises(ConfigError, match="a line with FMUs cannot go back to a moment: press cannot"):
+            line.save()
 
 
 def test_an_fmu_written_in_python_steps_and_its_exception_is_its_failure(make, tank):
@@ -228,7 +328,7 @@ def test_an_fmu_written_in_python_steps_and_its_exception_is_its_failure(make, t
     plant.run(1.001)
     assert plant["press.level"] == pytest.approx(0.99 * 2.0)
     assert (plant["press.full"], plant["press.litres"]) == (True, pytest.approx(3960, abs=1))
-    assert plant.fmus.save(plant.now) is None, "it cannot save its state"
+    assert plant.fmus.states(plant.now)[0] == {"press": None}, "it cannot save its state"
     plant.run(4.0)
     [failed] = plant.events
     assert "fmi3DoStep failed" in failed.error

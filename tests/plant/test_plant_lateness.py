@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from plant_bench import PlantBench
 
 from pnfarm.config.plant import PlantSection
+from pnfarm.plant.events import PlantStepsLeftOut
 from pnfarm.plant.plan import plan_plant
 from pnfarm.plant.python_models import PythonModels
 from pnfarm.scenario.lateness import FarmLateness
@@ -44,6 +46,28 @@ def test_steps_that_were_due_while_the_machine_stood_are_left_out_and_counted(mo
     assert python.snapshot()["ramp"]["steps"] == 2
     assert late[-1][0] == 32 * MS
     assert late[-1][1] >= 22 * MS
+
+
+def test_steps_of_the_plant_that_were_left_out_are_in_the_log_at_most_once_per_second():
+    bench = PlantBench({"name": "lamp", "kind": "lamp"}, in_real_time=True)
+    bench.service()
+    bench.stand(0.3)
+    bench.stand(0.4)
+    bench.service()
+    assert bench.events == []
+    bench.stand(0.5)
+    bench.service()
+    assert bench.events == [PlantStepsLeftOut(1200)]
+    for _ in range(20):
+        bench.stand(0.06)
+        bench.service()
+    # up to 64 steps are made up for
+    assert bench.events == [PlantStepsLeftOut(1200)]
+    bench.stand(0.1)
+    bench.service()
+    bench.stand(1.0)
+    bench.service()
+    assert bench.events == [PlantStepsLeftOut(1200), PlantStepsLeftOut(1100)]
 
 
 def test_a_plant_that_is_late_makes_a_failure_inconclusive():

@@ -172,5 +172,6 @@ def test_the_schema_knows_every_step_and_key() -> None:
         "find",
         "force",
         "release",
+        "restore",
     } == set(kinds)
     assert "f702" in str(schema["$defs"]["Fault"])

@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from from_python import called
+
 from pnfarm.config.plant import PlantSection
 from pnfarm.engine.columns import allocate
+from pnfarm.engine.plant.pace import plant_moment
 from pnfarm.engine.plant.step import take_step
 from pnfarm.plant.plan import plan_plant
 from pnfarm.plant.plant import Plant
@@ -57,6 +60,18 @@ class PlantBench:
             take_step(self._plant.row, self.now)
             self._plant.service(self.now)
             self.now += self._step_ns
+
+    def stand(self, seconds: float) -> None:
+        """The machine stands, and the engine's next tick makes up for what it can."""
+        self._columns.engine[0].plant_due_ns = self.now
+        self.now += round(seconds * 1e9)
+        called(plant_moment)(self._columns.engine[0], self.now)
+
+    def service(self) -> None:
+        """What the event loop does when the plant's deadline is due."""
+        due = self._plant.next_deadline()
+        if due is not None and due <= self.now:
+            self._plant.service(self.now)
 
     def run(self, seconds: float) -> None:
         """As many steps as fit."""

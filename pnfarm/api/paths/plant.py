@@ -21,7 +21,7 @@ class PortView(Schema):
     unit: str
     value: bool | float | str
     owner: Literal["plant", "force", "value", "default"] = Field(
-        description="Whose value it is: an output and an input with a wire are the plant's."
+        description="Whose value it is: an output, and an input with a wire that is not forced, are the plant's."
     )
 
 

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.drives.parameters.given_values import raw_number
 from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.drives.telegrams.signal_view import signal_units
+from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.profidrive.tasks import ramp_step
 from pnfarm.table.axis_codes import OBJECT_AXIS, TASKS_NONE
@@ -52,8 +54,17 @@ class SignalSteps:
         )
 
 
-def powered_axis(model: Model, numbers: dict[str | int, int | Sequence[int]], *, motor: bool = False) -> Any:
-    """An axis record as after power-on, with what the drive works out of these parameters, and of its motor."""
+def powered_axis(model: Model, drive: DriveConfig, *, motor: bool = False) -> Any:
+    """An axis record as after power-on, with what the drive works out of its parameters, and of its motor.
+
+    Raises :class:`ConfigError` for a value that a parameter cannot have.
+    """
+    numbers: dict[str | int, int | Sequence[int]] = {}
+    for key, value in drive.params.items():
+        raw = raw_number(model.resolve(key)[0], value)
+        if raw is None:
+            raise ConfigError(f"drive {drive.name}: {key} cannot be {value!r}")
+        numbers[key] = raw
     axes, image = AXIS.allocate(1), IMAGE.allocate(1)
     if motor:
         model.apply_motor(axes[0])
@@ -65,10 +76,7 @@ def powered_axis(model: Model, numbers: dict[str | int, int | Sequence[int]], *,
 
 def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps:
     """The steps as the drive itself works them out of its parameters and the telegram."""
-    numbers: dict[str | int, int | Sequence[int]] = {
-        key: int(value, 0) if isinstance(value, str) else int(value) for key, value in drive.params.items()
-    }
-    axis = powered_axis(model, numbers)
+    axis = powered_axis(model, drive)
     own, jog, ramp = axis.profidrive.settings, axis.jog.settings, axis.ramp.settings
     known = model.profidrive.telegrams.get(telegram)
     speed_up = ramp_step(own.task_acceleration_step, jog.acceleration, ramp.acceleration)

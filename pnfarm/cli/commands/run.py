@@ -40,6 +40,7 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     from pnfarm.farm.farm import model_of
     from pnfarm.farm.file.reading import expand
     from pnfarm.farm.plant import known_signals
+    from pnfarm.farm.state.files import StateFiles, states_folder
     from pnfarm.scenario.definition.binding import bind_scenario
 
     path = scenario.farm_path
@@ -50,7 +51,9 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     check_program(config)
     drives = {drive.name: model_of(drive) for drive in expand(config)}
     signals, kinds = known_signals(config, model_of)
-    return bind_scenario(scenario, drives, fault_kinds(), signals, kinds), config
+    folder = states_folder(config.state_directory, None)
+    states = [] if folder is None else [kept.name for kept in StateFiles(folder).kept()]
+    return bind_scenario(scenario, drives, fault_kinds(), signals, kinds, states), config
 
 
 def run(

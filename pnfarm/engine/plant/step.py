@@ -90,7 +90,7 @@ def _give(row: Any, axes: Any, values: Any, step_ns: int, now: int) -> None:
         outlet = outlets[number]
         value = values[outlet.value]
         if outlet.form == OUTLET_REAL:
-            reals[outlet.word] = value
+            reals[outlet.word] = value * outlet.scale
             step_with_plant(axes[outlet.axis], step_ns)
         elif outlet.form == OUTLET_PLACE:
             held = axes[outlet.axis].outside

@@ -41,11 +41,14 @@ class TakenState:
     def __init__(self, core: FarmCore) -> None:
         plant, columns = core.plant, core.columns
         self._saved = time.time()
-        python: Mapping[str, Any] = {}
+        #: Of models in Python, and of FMUs.
+        self._inside: tuple[Mapping[str, Any], Mapping[str, Any]] = {}, {}
         self.notes: list[str] = []
         if plant is not None:
             python, self.notes = plant.python.states()
-            self.notes += [f"{name}: what is inside an FMU is not saved" for name in plant.fmu_names]
+            fmus, more = plant.fmus.states(core.now)
+            self._inside = python, fmus
+            self.notes += more
         self._stations = {station.configured_name: plain_station(station) for station in core.stations}
         self._names = [(axis.station.configured_name, axis.configured_name) for axis in core.axes]
         self._rows: list[Any] = []
@@ -59,7 +62,6 @@ class TakenState:
             self._rows.append(rows)
         self._plant = plant
         self._copied = copies
-        self._python = python
         self._parts = {} if plant is None else {name: part.signals.state() for name, part in plant.parts.items()}
         if connected := [name for name, state in self._stations.items() if state["controller"] is not None]:
             self.notes.append(f"connections are not saved, those of {shortened(connected)}")
@@ -71,7 +73,7 @@ class TakenState:
             self._stations[station]["axes"][axis]["fields"] = fields
         plant = None
         if self._plant is not None and self._copied is not None:
-            plant = plain_plant(self._plant, self._copied, self._parts, self._python)
+            plant = plain_plant(self._plant, self._copied, self._parts, *self._inside)
         return {
             "pnfarm_state": FORMAT, "layout": LAYOUT, "saved": self._saved, "stations": self._stations, "plant": plant,
         }  # fmt: skip
@@ -135,8 +137,7 @@ def put_state(core: FarmCore, state: Mapping[str, Any], now: int) -> list[str]:
             for number in active_of(axis.handle.axis):
                 axis.device.fault_raised(axis.number, number)
         core.settle(station, now)
-    plant = core.plant
-    return notes + [f"{name}: what is inside an FMU goes on" for name in (() if plant is None else plant.fmu_names)]
+    return notes if core.plant is None else notes + core.plant.fmus.put_states(state["plant"]["fmus"], core.now)
 
 
 def _replace(core: FarmCore, state: Mapping[str, Any], now: int) -> None:

@@ -15,10 +15,12 @@ from pnfarm.vocabulary.whole_files import write_whole
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["FOLDER", "KeptState", "StateFiles", "UnknownStateError", "parse_state"]
+    from pnfarm.farm.shard import Shard
+
+__all__ = ["KeptState", "StateFiles", "UnknownStateError", "parse_state", "states_folder"]
 
 #: Below the farm's state folder.
-FOLDER = "states"
+_FOLDER = "states"
 #: Octets of a file, files in a folder, and mappings and lists in each other.
 MOST_OCTETS = 256_000_000
 MOST_STATES = 1000
@@ -36,6 +38,13 @@ class KeptState(NamedTuple):
     name: str
     saved_s: float
     octets: int
+
+
+def states_folder(state: Path | None, shard: Shard | None) -> Path | None:
+    """Where the states of a farm, or of its shard, are kept; ``state``: the folder of the farm file's key."""
+    if state is None:
+        return None
+    return state / _FOLDER if shard is None else state / _FOLDER / f"shard-{str(shard).replace('/', '-')}"
 
 
 def parse_state(data: bytes, name: str) -> Any:

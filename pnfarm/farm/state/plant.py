@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_plant", "filled", "plain_plant"]
 
-_KEYS = ("models", "values", "behaviours", "couplings", "parts", "python")
+_KEYS = ("models", "values", "behaviours", "couplings", "parts", "python", "fmus")
 #: What steps write of a coupling, but for the flag ``begun``.
 _COUPLED = ("angle", "speed", "torque", "before")
 _LONGEST_NS = 10**18
@@ -37,8 +37,8 @@ def _finite(values: Any) -> list[float]:
     return [value if isfinite(value) else 0.0 for value in values.tolist()]
 
 
-def plain_plant(plant: Plant, copies: PlantCopies, parts: Any, python: Any) -> dict[str, Any]:
-    """As plain JSON; ``parts`` and ``python`` are so already."""
+def plain_plant(plant: Plant, copies: PlantCopies, parts: Any, python: Any, fmus: Any) -> dict[str, Any]:
+    """As plain JSON; ``parts``, ``python`` and ``fmus`` are so already."""
     behaviours = {}
     for row, model in zip(copies.behaviours, _of(plant, Behaviour), strict=False):
         begin = int(row.memory) + int(row.parameters)
@@ -52,7 +52,7 @@ def plain_plant(plant: Plant, copies: PlantCopies, parts: Any, python: Any) -> d
     }
     return {
         "models": _kinds(plant), "values": _finite(copies.values), "behaviours": behaviours, "couplings": couplings,
-        "parts": parts, "python": python,
+        "parts": parts, "python": python, "fmus": fmus,
     }  # fmt: skip
 
 
@@ -84,6 +84,7 @@ def check_plant(plant: Plant | None, state: Any) -> None:
             raise RefusedStateError(f"{name}: {exc}") from exc
     try:
         plant.python.check_states(state["python"])
+        plant.fmus.check_states(state["fmus"])
     except ConfigError as exc:
         raise RefusedStateError(str(exc)) from exc
 

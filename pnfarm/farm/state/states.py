@@ -69,14 +69,20 @@ class SavedStates:
         """
         files = self._files()
         async with self._busy:
-            found: Any = await asyncio.to_thread(files.read, name)
-            try:
-                state = check_state(self._core, found)
-            except RefusedStateError as exc:
-                raise RefusedStateError(f"state {name} cannot be restored: {exc}") from exc
-            if only_check:
-                return []
-            notes = put_state(self._core, state, self._now())
+            return self._put(name, await asyncio.to_thread(files.read, name), only_check=only_check)
+
+    def restore_at_once(self, name: str, *, only_check: bool = False) -> list[str]:
+        """As :meth:`restore`, within one turn of the event loop: for a step of a scenario, in virtual time as well."""
+        return self._put(name, self._files().read(name), only_check=only_check)
+
+    def _put(self, name: str, found: Any, *, only_check: bool) -> list[str]:
+        try:
+            state = check_state(self._core, found)
+        except RefusedStateError as exc:
+            raise RefusedStateError(f"state {name} cannot be restored: {exc}") from exc
+        if only_check:
+            return []
+        notes = put_state(self._core, state, self._now())
         self._core.log.record(self._now(), "", StateRestored(name))
         self._poke()
         return notes

@@ -147,7 +147,10 @@ def constants_of(axis: Any, seconds: float) -> Constants:
         inertia=inertia,
         per_damped=1.0 / damped,
         per_led=1.0 / (damped + share * (gain + integral)),
-        dry=axis.load.settings.friction + axis.load.settings.added_friction + axis.outside.friction,
+        dry=axis.load.settings.friction
+        + axis.load.settings.added_friction
+        + axis.outside.friction
+        + axis.outside.holding,
         load=shaft_sign(axis.direction)
         * (axis.load.settings.torque + axis.load.settings.added_torque + axis.outside.torque),
         fed=axis.motor.settings.acceleration_gain * axis.load.settings.inertia * RPM_TO_RAD * frequency,
@@ -399,7 +402,7 @@ def step_motor(axis: Any, constants: Constants, powered_stage: bool) -> None:
     following = speed * RAD_TO_RPM
     axis.motor.position += 0.5 * (velocity + following) * (seconds * MINUTES)
     axis.motor.velocity = following
-    hold_at_stops(axis.direction, axis.machine, axis.motor)
+    hold_at_stops(axis.direction, axis.machine, axis.outside, axis.motor)
     _read_encoder(axis.motor, constants)
     if axis.supply.settings.nominal > 0.0:
         _step_bus(axis.motor, axis.supply, constants, 0.5 * (omega + speed))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pnfarm.table.axis_codes import FARTHEST
 from pnfarm.table.layout import Field, subject
 
 __all__ = ["OUTSIDE_RECORD"]
@@ -13,6 +14,9 @@ OUTSIDE_RECORD = subject(
         Field("torque", "f8", "N m", "engine", "against the shaft's direction, in addition to the load's"),
         Field("inertia", "f8", "kg m^2", "engine", "in addition to the load's"),
         Field("friction", "f8", "N m", "engine", "dry friction in addition to the load's"),
+        Field("holding", "f8", "N m", "engine", "dry friction of a brake of the machine, 0 = none is applied"),
+        Field("stop_low", "f8", "rev", "engine", "end stop: the shaft turns no further", default=-FARTHEST),
+        Field("stop_high", "f8", "rev", "engine", "end stop: the shaft turns no further", default=FARTHEST),
         Field("place", "f8", "rev", "engine", "where the shaft is held, with leads"),
         Field("speed", "f8", "rad/s", "engine", "speed at which it gets there, with leads"),
         Field("leads", "u1", "", "engine", "1 = the plant moves the shaft, whatever the motor does"),

@@ -45,7 +45,7 @@ class HubTraces:
         """The one shard, and its drives and devices."""
         hub = self._hub
         hub.check_any()
-        names = matching(wanted.on, hub.shards.known_as)
+        names = matching(wanted.on, hub.shards.traced_as)
         trigger = [wanted.trigger.signal] if isinstance(wanted.trigger, SignalTrigger) else []
         devices = {split_name(name)[0] for name in (*wanted.signals, *trigger)} & set(hub.shards.with_signals)
         shards = {hub.shards.station_owner(name): None for name in (*names, *sorted(devices))}

@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.plant.fmi.memory import DONE, END, ENDED, FAILED, MAX_STATE, RESTORE, SAVE, STEP
+from pnfarm.plant.fmi.memory import DONE, END, ENDED, FAILED, MAX_STATE, REFUSED, RESTORE, SAVE, STEP
 from pnfarm.plant.fmi.planned import MOST_MEMBERS
 from pnfarm.vocabulary.zip_files import unpack_zip
 
@@ -54,6 +54,16 @@ def _carry_out(fmu: LoadedFmu, asked: bytes, memory: Any) -> bytes:
     return b""
 
 
+def _answer(fmu: LoadedFmu, asked: bytes, memory: Any) -> bytes:
+    try:
+        return DONE + _carry_out(fmu, asked, memory)
+    except Exception as error:
+        if asked == STEP:
+            raise
+        # it goes on with the state that it has
+        return REFUSED + str(error).encode()
+
+
 def main(connection: Connection, memory: Any) -> None:
     """Load the FMU, then do what the farm asks for until it says that this is the end."""
     fmu: LoadedFmu | None = None
@@ -67,7 +77,7 @@ def main(connection: Connection, memory: Any) -> None:
         fmu.start(order)
         connection.send_bytes(DONE)
         while (asked := connection.recv_bytes(MAX_STATE + 1)) != END:
-            connection.send_bytes(DONE + _carry_out(fmu, asked, memory))
+            connection.send_bytes(_answer(fmu, asked, memory))
         fmu.close()
     except EOFError:
         return

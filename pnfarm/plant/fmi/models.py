@@ -8,8 +8,8 @@ No clock and no task of its own, as :class:`pnfarm.plant.python_models.PythonMod
 from __future__ import annotations
 
 import base64
-import binascii
-import json
+import contextlib
+import threading
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +19,11 @@ from pnfarm.errors import ConfigError
 from pnfarm.plant.events import PlantModelFailed, PlantModelLate
 from pnfarm.plant.fmi.memory import MAX_STATE, RESTORE, SAVE
 from pnfarm.plant.fmi.planned import FmuModel
-from pnfarm.plant.fmi.process import PATIENCE_SECONDS, FmuFailure, FmuProcess
+from pnfarm.plant.fmi.process import PATIENCE_SECONDS, FmuFailure, FmuProcess, FmuRefusal
 from pnfarm.plant.python_models import is_reported
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
     from pnfarm.plant.plan import PlannedModel
     from pnfarm.station.event import Event
@@ -32,6 +32,10 @@ __all__ = ["FmuModels"]
 
 #: Longest start, longest step, longest saving and restoring of an FMU.
 START_NS, STEP_NS, STATE_NS = 60_000_000_000, 10_000_000_000, 10_000_000_000
+#: Who saves or restores in real time waits so long for the end of a step.
+BUSY_NS = 1_000_000_000
+#: Longest time of an FMU in a state.
+LONGEST_NS = 10**18
 #: Most steps in one that makes up for those that were left out.
 MADE_UP = 10
 
@@ -110,6 +114,8 @@ class FmuModels:
         self._note = note
         self._late = late
         self._fmus: list[_Fmu] = []
+        #: Who asks the FMUs: their thread, or who saves or restores them.
+        self._turning = threading.Lock()
         try:
             # all of them start at the same time
             for one in models:
@@ -134,13 +140,17 @@ class FmuModels:
 
     def service(self, now: int) -> None:
         """Take the outputs that are due, and begin the next steps."""
-        for fmu in self._fmus:
-            if not fmu.failure and fmu.due_ns <= now:
-                try:
-                    self._turn(fmu, now)
-                except FmuFailure as failure:
-                    fmu.fail(str(failure))
-                    self._note(now, PlantModelFailed(fmu.name, fmu.failure, str(fmu.what.path), 0))
+        with self._turning:
+            for fmu in self._fmus:
+                if not fmu.failure and fmu.due_ns <= now:
+                    try:
+                        self._turn(fmu, now)
+                    except FmuFailure as failure:
+                        self._failed(fmu, failure, now)
+
+    def _failed(self, fmu: _Fmu, failure: FmuFailure, now: int) -> None:
+        fmu.fail(str(failure))
+        self._note(now, PlantModelFailed(fmu.name, fmu.failure, str(fmu.what.path), 0))
 
     def _turn(self, fmu: _Fmu, now: int) -> None:
         began = fmu.process.asked_ns
@@ -188,41 +198,93 @@ class FmuModels:
 
     # -- state
 
-    def save(self, now: int) -> bytes | None:
-        """The states of those that have not failed, at the ends of the steps that they are in; waits for these.
+    def states(self, now: int) -> tuple[dict[str, Any], list[str]]:
+        """By name, at the ends of the steps that they are in, for which it waits; and what is not saved, in sentences.
 
-        None: one of them cannot save its state.
+        None: of an FMU that has failed, or that cannot save its state.
         """
-        found = {}
-        for fmu in self._fmus:
-            if fmu.failure:
-                continue
-            if not fmu.what.description.saves_state:
-                return None
-            found[fmu.name] = {
-                "token": fmu.what.description.token,
-                "state": base64.b64encode(_answer_of(fmu, SAVE)).decode(),
-                "time_ns": fmu.time_ns,
-                "remaining_ns": fmu.due_ns - now,
-            }
-        return json.dumps(found).encode()
+        found: dict[str, Any] = {}
+        sentences = []
+        with self._turning:
+            for fmu in self._fmus:
+                found[fmu.name] = None
+                try:
+                    octets = self._asked(fmu, SAVE, now)
+                except FmuRefusal as refusal:
+                    sentences.append(f"{fmu.name}: what is inside its FMU is not saved: {refusal}")
+                    continue
+                found[fmu.name] = {
+                    "token": fmu.what.description.token,
+                    "state": base64.b64encode(octets).decode(),
+                    "time_ns": fmu.time_ns,
+                    "remaining_ns": min(max(fmu.due_ns - now, 0), fmu.step_ns),
+                }
+        return found, sentences
 
-    def restore(self, data: bytes, now: int) -> None:
-        """What :meth:`save` gave; raises :class:`ConfigError`, and changes nothing then, if it is of other FMUs."""
-        fmus = {fmu.name: fmu for fmu in self._fmus if not fmu.failure}
+    def check_states(self, states: Any) -> None:
+        """Whether these are what :meth:`states` gave of such FMUs; raises :class:`ConfigError`."""
+        if not isinstance(states, dict) or states.keys() != {fmu.name for fmu in self._fmus}:
+            raise ConfigError("the FMUs are others")
+        for fmu in self._fmus:
+            one = states[fmu.name]
+            if one is None:
+                continue
+            if not isinstance(one, dict) or one.keys() != {"token", "state", "time_ns", "remaining_ns"}:
+                raise ConfigError(f"plant model {fmu.name} has no state of an FMU")
+            if one["token"] != fmu.what.description.token:
+                raise ConfigError(f"plant model {fmu.name} has the state of another FMU")
+            times = (("time_ns", LONGEST_NS), ("remaining_ns", fmu.step_ns))
+            if any(type(one[key]) is not int or not 0 <= one[key] <= most for key, most in times):
+                raise ConfigError(f"plant model {fmu.name} has a time that it cannot have")
+            if not isinstance(one["state"], str) or _octets_of(one["state"]) is None:
+                raise ConfigError(f"plant model {fmu.name} has a state that is not in base64")
+
+    def put_states(self, states: Mapping[str, Any], now: int) -> list[str]:
+        """Put back what :meth:`check_states` accepted; a sentence for each FMU that goes on as it is."""
+        sentences = []
+        with self._turning:
+            for fmu in self._fmus:
+                one = states[fmu.name]
+                try:
+                    if one is None:
+                        raise FmuRefusal("it was not saved")
+                    self._asked(fmu, RESTORE + (_octets_of(one["state"]) or b""), now)
+                except FmuRefusal as refusal:
+                    sentences.append(f"{fmu.name}: what is inside its FMU goes on: {refusal}")
+                    continue
+                fmu.time_ns, fmu.behind_ns = one["time_ns"], 0
+                fmu.due_ns = fmu.wanted_ns = now + one["remaining_ns"]
+        return sentences
+
+    def _asked(self, fmu: _Fmu, order: bytes, now: int) -> bytes:
+        """Between two steps, whose outputs are taken when they are due; raises :class:`FmuRefusal`."""
+        if fmu.failure:
+            raise FmuRefusal("it has failed")
+        if not fmu.what.description.saves_state:
+            raise FmuRefusal("it cannot save its state")
+        if len(order) > MAX_STATE:
+            raise FmuRefusal(f"its state has more than {MAX_STATE} octets")
+        limit_ns = STEP_NS if self._late is None else BUSY_NS
         try:
-            found = [
-                (fmus[name], base64.b64decode(one["state"]), int(one["time_ns"]), int(one["remaining_ns"]))
-                for name, one in json.loads(data).items()
-                if name in fmus and one["token"] == fmus[name].what.description.token
-            ]
-        except (ValueError, LookupError, TypeError, AttributeError, binascii.Error) as error:
-            raise ConfigError(f"this is no state of FMUs: {error}") from error
-        if {fmu.name for fmu, *_ in found} != fmus.keys():
-            raise ConfigError(f"this is not a state of the FMUs {', '.join(fmus) or 'of this farm: it has none'}")
-        for fmu, state, time_ns, remaining_ns in found:
-            _answer_of(fmu, RESTORE + state)
-            fmu.time_ns, fmu.due_ns = time_ns, now + remaining_ns
+            last = fmu.process.answer(limit_ns)
+            if last is None:
+                raise FmuRefusal(f"it is in a step of more than {limit_ns / 1e9:g} s")
+            if last:
+                raise FmuFailure(last.decode())
+            fmu.process.ask(order)
+            found = fmu.process.answer(STATE_NS)
+            if found is None:
+                raise FmuFailure(f"no answer about its state within {STATE_NS / 1e9:g} s")
+        except FmuFailure as failure:
+            self._failed(fmu, failure, now)
+            raise FmuRefusal(f"it has failed: {failure}") from failure
+        return found
+
+
+def _octets_of(text: str) -> bytes | None:
+    with contextlib.suppress(ValueError):
+        return base64.b64decode(text, validate=True)
+    return None
 
 
 def _make(fmu: _Fmu) -> None:
@@ -232,19 +294,3 @@ def _make(fmu: _Fmu) -> None:
         fmu.take()
     except FmuFailure as failure:
         raise ConfigError(f"plant model {fmu.name} cannot be made: {fmu.what.path}: {failure}") from failure
-
-
-def _answer_of(fmu: _Fmu, order: bytes) -> bytes:
-    """Between two steps, which leaves its outputs to be taken; raises :class:`ConfigError`."""
-    try:
-        if len(order) > MAX_STATE:
-            raise FmuFailure(f"its state has more than {MAX_STATE} octets")
-        if fmu.process.asked_ns and fmu.process.answer(STEP_NS) is None:
-            raise FmuFailure(f"a step did not end within {STEP_NS / 1e9:g} s")
-        fmu.process.ask(order)
-        found = fmu.process.answer(STATE_NS)
-        if found is None:
-            raise FmuFailure(f"no answer within {STATE_NS / 1e9:g} s")
-        return found
-    except FmuFailure as failure:
-        raise ConfigError(f"plant model {fmu.name}, its state: {failure}") from failure

@@ -19,14 +19,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.plant.fmi.memory import DONE, END, ENDED, MAX_STATE, STEP, STEP_SECONDS, TIME, VALUES
+from pnfarm.plant.fmi.memory import DONE, END, ENDED, MAX_STATE, REFUSED, STEP, STEP_SECONDS, TIME, VALUES
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from pnfarm.plant.fmi.planned import FmuModel
 
-__all__ = ["FmuFailure", "FmuProcess"]
+__all__ = ["FmuFailure", "FmuProcess", "FmuRefusal"]
 
 #: How long the process of an FMU is waited for when it is asked to end.
 PATIENCE_SECONDS = 1.0
@@ -35,6 +35,10 @@ MAX_TEXT = 500
 
 class FmuFailure(Exception):  # noqa: N818 - what became of an FMU; the farm makes an event or an error of it
     """Why the FMU cannot go on, for people."""
+
+
+class FmuRefusal(Exception):  # noqa: N818 - its answer to what was asked
+    """Why the FMU did not do what it was asked, for people; it goes on."""
 
 
 class FmuProcess:
@@ -103,7 +107,7 @@ class FmuProcess:
             self._connection.send_bytes(order)
 
     def answer(self, limit_ns: int) -> bytes | None:
-        """None: there is none yet, after so long.  Raises :class:`FmuFailure`."""
+        """None: there is none yet, after so long.  Raises :class:`FmuFailure` or :class:`FmuRefusal`."""
         if self.asked_ns == 0:
             return b""
         try:
@@ -117,8 +121,11 @@ class FmuProcess:
             self.asked_ns = 0
             return found[1:]
         if found:
-            text = found[1 : 4 * MAX_TEXT].decode("utf-8", "replace")
-            raise FmuFailure(" ".join(text.split())[:MAX_TEXT])
+            text = " ".join(found[1 : 4 * MAX_TEXT].decode("utf-8", "replace").split())[:MAX_TEXT]
+            if found[:1] == REFUSED:
+                self.asked_ns = 0
+                raise FmuRefusal(text)
+            raise FmuFailure(text)
         # it ends at this moment; who cannot wait asks again
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(min(limit_ns / 1e9, PATIENCE_SECONDS))

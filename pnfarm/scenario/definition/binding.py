@@ -110,9 +110,11 @@ def bind_scenario(
     kinds: Catalogue,
     devices: KnownDevices | None = None,
     models: Mapping[str, Sequence[str]] | None = None,
+    states: Sequence[str] | None = None,
 ) -> Binding:
     """Check every step against the farm; of a matrix, one run at a time.
 
+    ``states``: the names of those that are saved; None where they are not known before the scenario runs.
     Raises :class:`FarmFileError` with all that is wrong.
     """
     if scenario.runs:
@@ -124,7 +126,7 @@ def bind_scenario(
     issues: dict[FileIssue, None] = {}
     names: set[str] = set()
     for step in scenario.every_step():
-        for key, what, allowed in _errors(binding, step, kinds, names):
+        for key, what, allowed in _errors(binding, step, kinds, names, states):
             issues[scenario.issue(step, key, what, allowed)] = None
         if len(issues) >= MAX_ISSUES:
             break
@@ -133,7 +135,9 @@ def bind_scenario(
     return binding
 
 
-def _errors(binding: Binding, step: Step, kinds: Catalogue, names: set[str]) -> Iterator[tuple[str, str, str]]:
+def _errors(
+    binding: Binding, step: Step, kinds: Catalogue, names: set[str], states: Sequence[str] | None
+) -> Iterator[tuple[str, str, str]]:
     missing = False
     for key in ("drive", "on", "off", "cycle"):
         if step.get(key) is not None:
@@ -153,6 +157,9 @@ def _errors(binding: Binding, step: Step, kinds: Catalogue, names: set[str]) -> 
             if wanted != "all" and wanted not in names:
                 what = f"no fault above is called {wanted!r}{did_you_mean(wanted, names)}"
                 yield "", what, ", ".join(("all", *sorted(names)))
+        case "restore" if states is not None and (wanted := step.values["state"]) not in states:
+            allowed = shortened(states) or "`state: FOLDER` in the farm file, with states of `pnfarm state save`"
+            yield "", f"there is no state {wanted}{did_you_mean(wanted, states)}", allowed
         case "wait" | "expect" if not missing and (step.get("that") or step.get("until")):
             try:
                 if binding.knows(binding.condition_of(step)[0]):

@@ -121,6 +121,12 @@ def read_title(value: Any) -> str:
     return value
 
 
+def _state_name(value: Any) -> str:
+    if not isinstance(value, str) or not _NAME.fullmatch(value):
+        raise Problem(f"is {shown(value)}", "the name that a state got by `pnfarm state save`")
+    return value
+
+
 def _fault_name(value: Any) -> str:
     if not isinstance(value, str) or not _NAME.fullmatch(value):
         raise Problem(f"is {shown(value)}", "all, or the name that a fault got by `as`")
@@ -264,6 +270,8 @@ class Step:
                 return f"{values['metric'].name} {asked} {values[asked].text}"
             case "expect":
                 return f"{drives}: {values['that']}" if drives else str(values["that"])
+            case "restore":
+                return f"restore {values['state']}"
             case "find":
                 return f"find {values['variable']}"
             case "load":
@@ -384,6 +392,14 @@ STEPS: Mapping[str, StepKind] = {
         {"signals": Key(_released, "STATION.SIGNAL, or STATION for all of its signals.", GLOBS_SCHEMA)},
         required=("signals",),
         example="release: [island-1.part_present]",
+    ),
+    "restore": StepKind(
+        "Put the whole farm into a saved state, as `pnfarm state restore` does: controllers set their connections up "
+        "again, and faults of this scenario stay in force.",
+        {"state": Key(_state_name, "Name that the state got by `pnfarm state save`.")},
+        required=("state",),
+        short="state",
+        example="restore: loaded",
     ),
     "param": StepKind(
         "Write parameters, by number or the maker's name, as `pnfarm param set` does.",

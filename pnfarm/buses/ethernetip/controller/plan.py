@@ -13,7 +13,6 @@ from pnfarm.buses.ethernetip.config.controller import USUAL_RPI_NS
 from pnfarm.buses.ethernetip.controller.device_plan import ConnectionPlan, DevicePlan, EthernetIpPlan, ProgramSteps
 from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.buses.ethernetip.eds_file import load_eds
-from pnfarm.drives.parameters.given_values import raw_number
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.connection import ConnectionKind
 from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, emit_epath, logical_path
@@ -39,13 +38,7 @@ CLEAR_FAULTS = "DRV.CLRFAULTS"
 
 def program_steps(model: Model, drive: EthernetIpDriveConfig) -> ProgramSteps:
     """Units, ramps of a speed (DRV.ACC, DRV.DEC), as the drive itself works them out of its parameters."""
-    numbers: dict[str | int, int | Sequence[int]] = {}
-    for key, value in drive.params.items():
-        raw = raw_number(model.resolve(key)[0], value)
-        if raw is None:
-            raise ConfigError(f"drive {drive.name}: {key} cannot be {value!r}")
-        numbers[key] = raw
-    axis = powered_axis(model, numbers, motor=True)
+    axis = powered_axis(model, drive, motor=True)
     profile = float(axis.ethernetip.settings.profile_step) or 1.0
     return ProgramSteps(
         front=model.front,

@@ -1,0 +1,80 @@
+"""Inputs with a wire under a force: the wire's end is torn or bridged."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from pnfarm.farm.state.content import check_state, put_state, take_state
+from pnfarm.signals.refusal import SignalError
+from pnfarm.testing import Line
+
+CELL = """
+farm: t
+link: {kind: memory}
+drives: [{name: x, model: akd-profinet, ip: 10.77.0.11/24}]
+plant:
+  models: [{name: button, kind: push-button}, {name: lamp, kind: lamp}, {name: parts, kind: counter}]
+  wires: [button.on -> lamp.on, lamp.lit -> parts.up]
+"""
+
+
+@pytest.fixture
+def line():
+    with Line.from_text(CELL) as line:
+        line.run(0.01)
+        yield line
+
+
+def _of(line, model):
+    return line.core.plant.parts[model].signals
+
+
+def test_a_forced_input_keeps_its_value_whatever_its_wire_brings_until_it_is_released(line):
+    lamp = _of(line, "lamp")
+    assert (lamp.owner("on"), lamp.force({"on": True}), lamp.owner("on")) == ("plant", {}, "force")
+    line.run(0.01)
+    assert line.plant.lamp.lit
+    line.plant.button.press = True
+    line.run(0.01)
+    lamp.force({"on": False})
+    line.run(0.01)
+    assert not line.plant.lamp.lit
+    lamp.force({"*": None})
+    line.run(0.01)
+    assert (line.plant.lamp.lit, lamp.owner("on")) == (True, "plant")
+
+
+def test_it_is_not_written_and_what_is_wrong_leaves_it_to_its_wire(line):
+    lamp = _of(line, "lamp")
+    with pytest.raises(SignalError, match="has a wire, which writes it; allowed: an input without a wire, or a force"):
+        lamp.set({"on": True})
+    with pytest.raises(SignalError, match="is an output of the plant"):
+        lamp.force({"on": True, "lit": True})
+    line.run(0.01)
+    assert not line.plant.lamp.lit
+
+
+def test_a_saved_state_has_the_force(line):
+    lamp = _of(line, "lamp")
+    lamp.force({"on": True})
+    line.run(0.01)
+    forced = json.loads(json.dumps(take_state(line.core).plain()))
+    lamp.force({"on": None})
+    line.run(0.01)
+    free = json.loads(json.dumps(take_state(line.core).plain()))
+    for state, lit in ((forced, True), (free, False), (forced, True)):
+        put_state(line.core, check_state(line.core, state), line.now_ns)
+        line.run(0.01)
+        assert (line.plant.lamp.lit, lamp.owner("on")) == (lit, "force" if lit else "plant")
+
+
+def test_a_moment_has_the_force(line):
+    lamp = _of(line, "lamp")
+    before = line.save()
+    lamp.force({"on": True})
+    line.run(0.01)
+    line.restore(before)
+    line.run(0.01)
+    assert (line.plant.lamp.lit, lamp.owner("on"), line.plant.parts.count) == (False, "plant", 0)
