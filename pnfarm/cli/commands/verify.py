@@ -25,7 +25,7 @@ WIRE_SECONDS = 300.0
 
 def verify(
     quick: Annotated[
-        bool, typer.Option("--quick", help="Only in memory, and without the machine's limits: some seconds.")
+        bool, typer.Option("--quick", help="Only in memory, and without the machine's limits: about ten seconds.")
     ] = False,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write the report to this file as JSON.")

@@ -25,10 +25,13 @@ def versions() -> Versions:
 def package(folder: Path | None = None) -> Package:
     """Digest of the files in ``folder``, by default this package's.
 
-    As coreutils make it: ``find . -type f -not -path '*/__pycache__/*' | LC_ALL=C sort | xargs sha256sum | sha256sum``.
+    As coreutils make it: ``find . -type f -not -path '*/__pycache__/*' -not -path './machine_code/*'
+    | LC_ALL=C sort | xargs sha256sum | sha256sum``.
     """
     folder = folder or Path(pnfarm.__file__).parent
-    files = [path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    # what is made of the other files
+    made = {folder / "machine_code", *folder.rglob("__pycache__")}
+    files = [path for path in folder.rglob("*") if path.is_file() and made.isdisjoint(path.parents)]
     found = sorted((f"./{path.relative_to(folder).as_posix()}", path) for path in files)
     lines = (f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {name}\n" for name, path in found)
     return Package(sha256=hashlib.sha256("".join(lines).encode()).hexdigest(), files=len(found))
