@@ -125,7 +125,8 @@ class Package(_Entry):
     """The files of the package."""
 
     sha256: str = Field(
-        description="SHA-256 of the lines that sha256sum writes for all files but __pycache__ and machine_code, sorted by path."
+        description="SHA-256 of the lines that sha256sum writes for all files but __pycache__ and machine_code, "
+        "sorted by path."
     )
     files: int
 
