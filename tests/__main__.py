@@ -66,7 +66,7 @@ def _make_idle(process: int) -> None:
 
 
 class Run:
-    """One run of pytest; where it is not the first of several, what it prints is held back until it ended."""
+    """One run of pytest; ``quiet``: what it prints is held back until it ended."""
 
     def __init__(
         self, arguments: list[str], environment: dict[str, str], *, quiet: bool = False, idle: bool = False
@@ -78,10 +78,6 @@ class Run:
         )
         if idle:
             _make_idle(self._process.pid)
-
-    def wait(self) -> None:
-        """Until it has ended; what it printed is still held back."""
-        self._process.wait()
 
     def end(self) -> int:
         """Wait for the end, and print what was held back; pytest's exit code."""
@@ -152,9 +148,9 @@ def main(options: list[str]) -> int:
         apart = [f"--ignore={path}" for path in (REPLAY, *rigs)]
         beside = Run([*spread, "-m", in_memory, *options], environment, idle=True)
         alone = ["-m", "exclusive", *apart, *options, *_places(options)]
-        in_real_time = Run(alone, environment, quiet=True)
-        in_real_time.wait()
-        running = [beside, in_real_time]
+        # printed at once, in the midst of the other run's dots: where both take too long, it is known what failed
+        codes.append(Run(alone, environment, quiet=True).end())
+        running = [beside]
         if images is not None:
             # what went wrong is told by the tests that need the images
             images.wait()
