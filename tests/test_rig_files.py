@@ -37,6 +37,13 @@ def loaded(name):
 
 
 @pytest.mark.parametrize("name", SERVICES)
+def test_nothing_of_the_package_stays_outside_of_the_image():
+    lines = (ROOT / ".dockerignore").read_text("utf-8").split()
+    anywhere = [line.removeprefix("**/") for line in lines if line.startswith("**/")]
+    assert sorted(anywhere) == ["*.pyc", "__pycache__"]
+    assert not [line for line in lines if line.startswith("pnfarm/")]
+
+
 def test_a_service_has_no_right_that_it_does_not_need(name):
     service = SERVICES[name]
     assert service["cap_drop"] == ["ALL"]
