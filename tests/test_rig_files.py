@@ -36,7 +36,6 @@ def loaded(name):
     return module
 
 
-@pytest.mark.parametrize("name", SERVICES)
 def test_nothing_of_the_package_stays_outside_of_the_image():
     lines = (ROOT / ".dockerignore").read_text("utf-8").split()
     anywhere = [line.removeprefix("**/") for line in lines if line.startswith("**/")]
@@ -44,6 +43,7 @@ def test_nothing_of_the_package_stays_outside_of_the_image():
     assert not [line for line in lines if line.startswith("pnfarm/")]
 
 
+@pytest.mark.parametrize("name", SERVICES)
 def test_a_service_has_no_right_that_it_does_not_need(name):
     service = SERVICES[name]
     assert service["cap_drop"] == ["ALL"]
