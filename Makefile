@@ -45,6 +45,7 @@ lint: $(TOOLS_STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/mypy configs/pytest/test_async.py
+	$(BIN)/mypy hatch_build.py
 	$(BIN)/lint-imports
 
 # as a site in build/site; a link or an anchor that leads nowhere is an error

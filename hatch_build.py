@@ -15,13 +15,14 @@ import tempfile
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+from hatchling.builders.wheel import WheelBuilderConfig
 
 ASKED = "PNFARM_MACHINE_CODE"
 #: The oldest glibc on which Numba runs; the machine code itself calls none but mathematical functions.
 PLATFORM = "manylinux_2_17"
 
 
-class MachineCode(BuildHookInterface):  # type: ignore[type-arg]
+class MachineCode(BuildHookInterface[WheelBuilderConfig]):
     """Compiles, and puts the code into the package."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:

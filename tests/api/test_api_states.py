@@ -91,6 +91,7 @@ def test_a_scenario_that_the_hub_carries_out_restores_every_shard(tmp_path):
                     found = (await client.get(f"scenarios/{begun['id']}")).json()
                     if found["state"] == "ended":
                         break
+                    # the hub carries it out in a task of this loop, and says that it ended when it is asked
                     await asyncio.sleep(0.01)
                 return found
 

@@ -128,6 +128,7 @@ def over_the_api(world, text):
             answer = await client.post("/api/v1/scenarios", json={"text": text})
             while answer.status_code < 300 and answer.json()["state"] != "ended":
                 world.line.run(0.02)
+                # the scenario is a task of this loop
                 await asyncio.sleep(0)
                 answer = await client.get(f"/api/v1/scenarios/{answer.json()['id']}")
             world.context.close()
