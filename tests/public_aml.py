@@ -10,6 +10,7 @@ could not be had, or a device did not exchange data.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections import Counter
 from ipaddress import ip_interface, ip_network
@@ -29,7 +30,10 @@ def report(out: Path) -> int:
     library.mkdir(exist_ok=True)
     projects = []
     for path in sorted(one for one in out.iterdir() if one.is_file()):
-        name = path.name.partition("-")[2]
+        begin, _, name = path.name.partition("-")
+        if not re.fullmatch("[0-9a-f]{8}", begin):
+            # not fetched: a file of somebody's own
+            continue
         if name.lower().startswith("gsdml-"):
             (library / name).write_bytes(path.read_bytes())
         else:

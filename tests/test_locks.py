@@ -132,3 +132,9 @@ def test_the_licences_of_the_project_and_of_scapy_are_named():
 def alone(terms: str) -> bool:
     """Whether terms include Apache-2.0 without another to choose and without LLVM's exception."""
     return any(re.search(r"Apache", part) for part in terms.split(" AND ") if " OR " not in part and "WITH" not in part)
+
+
+def test_what_the_newest_packages_are_tried_with_is_there():
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    (names,) = re.findall(r"^FAST := \$\(addprefix tests/,(.*)\)$", makefile, re.MULTILINE)
+    assert [name for name in names.split() if not (ROOT / "tests" / name).exists()] == []

@@ -263,3 +263,22 @@ def test_whatever_devices_a_project_has_the_farm_file_can_be_read(tmp_path_facto
     ]
     text = project(plc(tags=tags), *stations, links=[at_system("island-1-if")])
     check_found(of_project(parse_caex(text.encode()), DescriptionFolders([], folder), folder), folder)
+
+
+def test_the_topology_of_a_project_is_in_the_comments_with_what_a_plc_would_report(imported):
+    ports = [
+        module(4, "GSD:X.XML/M/P", inside=element(name, role="CommunicationPort")) for name in ("Port_1", "Port_2")
+    ]
+    first, second = (island(name, ip, port) for name, ip, port in (
+        ("island-1", "10.7.0.41", ports[0]), ("island-2", "10.7.0.42", ports[1]),
+    ))  # fmt: skip
+    cable = (
+        '<InternalLink Name="Link To Port_1" RefPartnerSideA="Port_1-id:CommunicationPortInterface" '
+        'RefPartnerSideB="Port_2-id:CommunicationPortInterface"/>'
+    )
+    nowhere = cable.replace("Port_2-id", "gone")
+    _, out = imported(plc(), first, second, links=[at_system("island-1-if"), at_system("island-2-if"), nowhere, cable])
+    told = comments(out)
+    assert "the project's topology connects Port_1 with Port_2 of island-2: a PLC that checks it reports" in told
+    assert "the project's topology connects Port_2 with Port_1 of island-1: a PLC that checks it reports" in told
+    assert told.count("a remote mismatch unless") == told.count("topology") == 2

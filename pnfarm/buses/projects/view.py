@@ -1,4 +1,4 @@
-"""A project's links: which interface is at which PLC's IO system, and that PLC's tags."""
+"""A project's links: which interface is at which PLC's IO system, that PLC's tags, and which ports are connected."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from pnfarm.buses.projects.tags import Tag
 
 __all__ = ["ProjectView", "device_of"]
+
+
+#: The interface of a port that is linked with another device's (AR APC, "Physical topology").
+_PORT = "CommunicationPortInterface"
 
 
 class ProjectView:
@@ -44,6 +48,24 @@ class ProjectView:
         """The device that has all tables of tags, where there is one only."""
         owners = [device_of(one) for one in self.root.walk() if one.has_role("TagTable")]
         return owners[0] if owners and all(one is owners[0] for one in owners) else None
+
+    @cached_property
+    def _cables(self) -> dict[int, list[tuple[str, str, CaexElement]]]:
+        """By the id() of a device; see :meth:`cables`."""
+        known = {one.id: one for one in self.root.walk() if one.id}
+        found: dict[int, list[tuple[str, str, CaexElement]]] = {}
+        for link in self._links:
+            ends = [known.get(side.partition(":")[0]) for side in link if side.partition(":")[2] == _PORT]
+            if len(ends) != len(link) or None in ends:
+                continue
+            one, other = (end for end in ends if end is not None)
+            for near, far in ((one, other), (other, one)):
+                found.setdefault(id(device_of(near)), []).append((near.name, far.name, device_of(far)))
+        return found
+
+    def cables(self, device: CaexElement) -> list[tuple[str, str, CaexElement]]:
+        """What the project's topology says of a device: its port, and the port of which device is connected with it."""
+        return self._cables.get(id(device), [])
 
     def interface_at_system(self, device: CaexElement) -> CaexElement | None:
         """The interface of a device that is at an IO system which is not its own."""

@@ -29,13 +29,25 @@ def of_project(project: CaexProject, folders: DescriptionFolders, base: Path) ->
 
     GSDML files are looked for in ``folders``; a farm file that names one is in ``base``.
     """
-    found = _Stations(ProjectView(project), GsdmlFiles(folders, base))
+    view = ProjectView(project)
+    found = _Stations(view, GsdmlFiles(folders, base))
     return drives_first(
-        replace(made, notes=(*name_notes(device), *made.notes)) if not isinstance(made, FoundStation) else made
+        made
+        if isinstance(made, FoundStation)
+        else replace(made, notes=(*name_notes(device), *_topology_notes(device, view), *made.notes))
         for device in devices(project.root)
         if not is_on_profibus(device)
         for made in (found.of(device),)
     )
+
+
+def _topology_notes(device: CaexElement, view: ProjectView) -> tuple[str, ...]:
+    """The PLC checks the project's topology, and a farm's stations have the neighbours of their wire."""
+    cables = [f"{port} with {far} of {name_of(other)}" for port, far, other in view.cables(device)]
+    if not cables:
+        return ()
+    why = "a PLC that checks it reports a remote mismatch unless the farm's wire has the same neighbours"
+    return (f"the project's topology connects {', '.join(cables)}: {why}",)
 
 
 class _Stations:
