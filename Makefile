@@ -13,7 +13,7 @@ TEST_STAMP := $(VENV)/.installed-test
 PIP := $(BIN)/python -m pip install --quiet
 LOCK := $(PIP) --require-hashes -r locks
 # What of the suite needs neither real time nor the kernel's network, and shows what packages changed.
-FAST := $(addprefix tests/,api cli farm scenario signals testing test_metrics_farm.py vocabulary wire)
+FAST := $(addprefix tests/,api cli/test_cli_decode.py cli/test_cli_files.py cli/test_cli_main.py farm/test_config_file.py signals testing test_metrics_farm.py vocabulary wire)
 # byte code is kept: hundreds of processes import the package
 unexport PYTHONDONTWRITEBYTECODE
 # Another GSDML parser, without its dependencies, which are for a server that no test starts; and the package that
