@@ -8,6 +8,9 @@ Two runs of pytest at once:
   what two of them do at once is late on two cores; behind it, with ``PNFARM_DOCKER=1`` or ``PNFARM_REQUIRE_ALL=1``, a
   swarm and the rig under Docker engines, whose images are built meanwhile, with the idle policy as well.
 
+A test of real time that failed runs once more when nothing runs beside it: only then does its failure say more than that
+the machine was busy.  More than :data:`MOST_AGAIN` of them are no accident.  Both runs are printed.
+
 The replay comes last, because it takes what all others kept (:mod:`stepping`).  Where machine code is missing, one
 process makes it first, and the tests that need none (the marker ``uncompiled``) run beside it.
 
@@ -17,6 +20,7 @@ Byte code is kept, whatever the environment says: else each of some hundred proc
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import shutil
 import subprocess
@@ -29,7 +33,9 @@ from pnfarm.table.compiling.compiled import IS_COMPILED, is_cached
 from tests.conftest import EXCLUSIVE, MIXED, REQUIRE_ALL, TESTS, UNCOMPILED
 
 #: pytest's exit codes for all passed, and for nothing chosen.
-PASSED, NOTHING = 0, 5
+PASSED, FAILED, NOTHING = 0, 1, 5
+#: So many failed tests of real time, at most, run again on the quiet machine.
+MOST_AGAIN = 5
 CORES = os.cpu_count() or 1
 REPLAY = TESTS / "engine" / "test_engine_replay.py"
 #: The tests under Docker engines, in this order, as the last one removes the images; and what builds these.
@@ -107,6 +113,16 @@ def _wanted(path: Path, options: list[str]) -> bool:
     return not chosen or any(path.is_relative_to(place) for place in chosen)
 
 
+def _again(code: int, kept: Path, environment: dict[str, str]) -> int:
+    """The exit code of a run that kept its failures in ``kept``; the few that failed run again, with nothing beside."""
+    names = kept / "v" / "cache" / "lastfailed"
+    failed = list(json.loads(names.read_text())) if code == FAILED and names.exists() else []
+    if not 0 < len(failed) <= MOST_AGAIN:
+        return code
+    print(f"these tests of real time failed while others ran, and run again alone: {', '.join(failed)}", flush=True)
+    return Run(["-o", f"cache_dir={kept}", *failed], environment).end()
+
+
 @contextlib.contextmanager
 def _images(environment: dict[str, str]) -> Iterator[subprocess.Popen[bytes]]:
     """Builds the images of the rig in a folder that ``environment`` names from then on."""
@@ -136,6 +152,7 @@ def main(options: list[str]) -> int:
     codes: list[int] = []
     with contextlib.ExitStack() as stack:
         environment = _environment(stack.enter_context(tempfile.TemporaryDirectory(prefix="pnfarm-steps-")))
+        kept = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pnfarm-failed-")))
         rigs = [path for path in RIGS if environment.get("PNFARM_DOCKER") == "1" and _wanted(path, options)]
         images = stack.enter_context(_images(environment)) if rigs else None
         in_memory = "not exclusive"
@@ -147,15 +164,16 @@ def main(options: list[str]) -> int:
         spread = ["-n", str(CORES), "--dist", "worksteal"]
         apart = [f"--ignore={path}" for path in (REPLAY, *rigs)]
         beside = Run([*spread, "-m", in_memory, *options], environment, idle=True)
-        alone = ["-m", "exclusive", *apart, *options, *_places(options)]
+        alone = ["-m", "exclusive", "-o", f"cache_dir={kept}", *apart, *options, *_places(options)]
         # printed at once, in the midst of the other run's dots: where both take too long, it is known what failed
-        codes.append(Run(alone, environment, quiet=True).end())
+        in_real_time = Run(alone, environment, quiet=True).end()
         running = [beside]
         if images is not None:
             # what went wrong is told by the tests that need the images
             images.wait()
             running.append(Run(_only(rigs, options), environment, quiet=True))
         codes += [run.end() for run in running]
+        codes.append(_again(in_real_time, kept, environment))
         if _wanted(REPLAY, options):
             codes.append(Run(_only([REPLAY], options), environment).end())
     if all(code == NOTHING for code in codes):

@@ -11,12 +11,13 @@ import anyio, pnfarm, sys
 async def main():
     async with pnfarm.Farm.from_file(sys.argv[1], api="off") as farm, pnfarm.Plc.from_file(sys.argv[1]) as plc:
         assert await plc.wait_running(20)
-        await farm.drive("axis-01").fault("f702")
         drive = farm.drive("axis-01")
         with anyio.fail_after(20):
-            while not drive.snapshot()["fault"]:
-                await anyio.sleep(0.005)
-            print(drive.snapshot()["fault"]["number"])
+            # held: else a busy machine may miss the moment until the program acknowledges it
+            async with drive.fault("f702", hold=True):
+                while not drive.snapshot()["fault"]:
+                    await anyio.sleep(0.005)
+                print(drive.snapshot()["fault"]["number"])
             while drive.snapshot()["state"] != "S4":
                 await anyio.sleep(0.005)
             print(drive.snapshot()["state"])
