@@ -8,8 +8,8 @@ Two runs of pytest at once:
   what two of them do at once is late on two cores; behind it, with ``PNFARM_DOCKER=1`` or ``PNFARM_REQUIRE_ALL=1``, a
   swarm and the rig under Docker engines, whose images are built meanwhile, with the idle policy as well.
 
-A test of real time that failed runs once more when nothing runs beside it: only then does its failure say more than that
-the machine was busy.  More than :data:`MOST_AGAIN` of them are no accident.  Both runs are printed.
+A test of real time that failed runs once more when nothing runs beside it: only then does its failure say more than
+that the machine was busy.  More than :data:`MOST_AGAIN` of them are no accident.  Both runs are printed.
 
 The replay comes last, because it takes what all others kept (:mod:`stepping`).  Where machine code is missing, one
 process makes it first, and the tests that need none (the marker ``uncompiled``) run beside it.
@@ -119,7 +119,8 @@ def _again(code: int, kept: Path, environment: dict[str, str]) -> int:
     failed = list(json.loads(names.read_text())) if code == FAILED and names.exists() else []
     if not 0 < len(failed) <= MOST_AGAIN:
         return code
-    print(f"these tests of real time failed while others ran, and run again alone: {', '.join(failed)}", flush=True)
+    sys.stdout.write(f"these tests of real time failed while others ran, and run again alone: {', '.join(failed)}\n")
+    sys.stdout.flush()
     return Run(["-o", f"cache_dir={kept}", *failed], environment).end()
 
 
