@@ -155,9 +155,14 @@ class _Providers:
         self._active, self._image, self._rider = ppm["active"], ppm["image"], ppm["rider"]
         #: By the image's row, the provider's row, for those that are open.
         self.rows: dict[int, int] = {}
+        self._seen: tuple[bytes, ...] = ()
 
     def look(self) -> None:
-        """Find them anew."""
+        """Find them anew, if they changed."""
+        seen = (self._active.tobytes(), self._image.tobytes(), self._rider.tobytes())
+        if seen == self._seen:
+            return
+        self._seen = seen
         self.rows = {}
         for row in np.flatnonzero(self._active == OPEN).tolist():
             one = row

@@ -47,13 +47,15 @@ class _Model:
             self.model = what.kind(**planned.parameters)
         except Exception as exc:
             raise ConfigError(f"plant model {planned.name} cannot be made: {placed(exc, what.module)}") from exc
-        self._values = values
-        self._inputs = [(port.name, number, port.form == "bit") for port, number in planned.inputs.values()]
-        self._outputs = [(port.name, number, port.form == "bit") for port, number in planned.outputs.values()]
-        for name, number, is_bit in self._outputs:
-            if not hasattr(self.model, name):
-                setattr(self.model, name, False if is_bit else 0.0)
-            self._values[number] = self._number(name)
+        # gives and takes numbers of Python's own, in half of the time that an array needs
+        self._values = memoryview(values)
+        inputs, self._outputs = planned.inputs.values(), [(port.name, at) for port, at in planned.outputs.values()]
+        self._numbers = [(port.name, at) for port, at in inputs if port.form != "bit"]
+        self._bits = [(port.name, at) for port, at in inputs if port.form == "bit"]
+        for port, at in planned.outputs.values():
+            if not hasattr(self.model, port.name):
+                setattr(self.model, port.name, False if port.form == "bit" else 0.0)
+            self._values[at] = _number(port.name, getattr(self.model, port.name))
         self.due_ns = 0
         self.last_ns = 0
         self.missed = 0
@@ -62,21 +64,24 @@ class _Model:
         self.longest_ns = 0
         self.failure = ""
 
-    def _number(self, name: str) -> float:
-        value = getattr(self.model, name)
-        if isinstance(value, bool) or (isinstance(value, (int, float)) and math.isfinite(value)):
-            return float(value)
-        raise ValueError(f"{name} is {value!r}, not a finite number")
-
     def step(self, seconds: float) -> None:
         """Inputs to attributes, the user's step, attributes to outputs: all of them, or none."""
-        for name, number, is_bit in self._inputs:
-            value = float(self._values[number])
-            setattr(self.model, name, value != 0.0 if is_bit else value)
-        self.model.step(seconds)
-        found = [(number, self._number(name)) for name, number, _ in self._outputs]
-        for number, value in found:
-            self._values[number] = value
+        values, model = self._values, self.model
+        for name, at in self._numbers:
+            setattr(model, name, values[at])
+        for name, at in self._bits:
+            setattr(model, name, values[at] != 0.0)
+        model.step(seconds)
+        found = [(at, _number(name, getattr(model, name))) for name, at in self._outputs]
+        for at, value in found:
+            values[at] = value
+
+
+def _number(name: str, value: Any) -> float:
+    """What a model made of an output, as a finite number; raises ValueError."""
+    if isinstance(value, (int, float)) and math.isfinite(value):
+        return float(value)
+    raise ValueError(f"{name} is {value!r}, not a finite number")
 
 
 class PythonModels:

@@ -28,7 +28,9 @@ class CodeThread:
     def __init__(self, runner: _Runner, failed: Callable[[Exception], None], name: str) -> None:
         self._runner = runner
         self._failed = failed
-        self._stop = threading.Event()
+        # held until the thread is to end
+        self._stop = threading.Lock()
+        self._stop.acquire()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
@@ -36,7 +38,8 @@ class CodeThread:
 
     def close(self) -> None:
         """Stop between two calls."""
-        self._stop.set()
+        if self._stop.locked():
+            self._stop.release()
         if self._thread.ident is not None:
             self._thread.join()
         self._runner.close()
@@ -46,7 +49,7 @@ class CodeThread:
             while True:
                 self._runner.service(time.monotonic_ns())
                 due = self._runner.next_deadline()
-                if self._stop.wait(None if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)):
+                if self._stop.acquire(timeout=-1 if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)):
                     return
         except Exception as exc:  # noqa: BLE001 - carried to the owner, which ends with it
             self._failed(exc)

@@ -43,8 +43,10 @@ class Worker:
     """One thread, started by the first :meth:`run`."""
 
     def __init__(self) -> None:
-        self._begin = threading.Semaphore(0)
-        self._done = threading.Semaphore(0)
+        # plain locks, held until there is something: a semaphore of Python's costs a third more per call
+        self._begin, self._done = threading.Lock(), threading.Lock()
+        self._begin.acquire()
+        self._done.acquire()
         self._calls: Sequence[Call] = ()
         self._lock = threading.Lock()
         self._is_abandoned = False
@@ -90,7 +92,7 @@ class Worker:
             return
         if self._is_abandoned:
             self.interrupt()
-        else:
+        elif self._thread.is_alive():
             self._begin.release()
         self._thread.join(seconds)
 

@@ -1,13 +1,17 @@
-"""Models in Python in real time: what is late is left out, counted, and makes a verdict inconclusive."""
+"""The plant in real time: when it steps; what is late is left out, counted, and makes a verdict inconclusive."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from from_python import called
 from plant_bench import PlantBench
 
 from pnfarm.config.plant import PlantSection
+from pnfarm.engine.columns import allocate
+from pnfarm.engine.plant.pace import plant_moment
 from pnfarm.plant.events import PlantStepsLeftOut
 from pnfarm.plant.plan import plan_plant
 from pnfarm.plant.python_models import PythonModels
@@ -30,7 +34,7 @@ def models(tmp_path: Path):
     section = PlantSection.model_validate({"models": [{"name": "ramp", "python": "ramp.py", "step": "5ms"}]})
     plan = plan_plant(section, {}, {}, tmp_path, lambda *issue: pytest.fail(str(issue)))
     late: list[tuple[int, int]] = []
-    found = PythonModels(plan.models.values(), [0.0], lambda *_: None, late=lambda now, ns: late.append((now, ns)))
+    found = PythonModels(plan.models.values(), np.zeros(1), lambda *_: None, late=lambda now, ns: late.append((now, ns)))
     found.start(0)
     yield found, late
     found.close()
@@ -68,6 +72,16 @@ def test_steps_of_the_plant_that_were_left_out_are_in_the_log_at_most_once_per_s
     bench.stand(1.0)
     bench.service()
     assert bench.events == [PlantStepsLeftOut(1200), PlantStepsLeftOut(1100)]
+
+
+@pytest.mark.parametrize("step_ms", [0.5, 1, 5])
+def test_a_plant_steps_in_ticks_that_send_whenever_it_was_started(step_ms):
+    engine = allocate(images=1).engine[0]
+    engine.plant_step_ns = step = round(step_ms * MS)
+    begin = 7_000_123_456
+    assert called(plant_moment)(engine, begin) == begin
+    assert engine.plant_due_ns % step == 0
+    assert begin - step < engine.plant_due_ns <= begin
 
 
 def test_a_plant_that_is_late_makes_a_failure_inconclusive():
