@@ -11,7 +11,7 @@ import anyio
 import uvicorn
 from anyio import TASK_STATUS_IGNORED
 
-from pnfarm.api.access.connections import BACKLOG, Connections, connection_limit, protocol_of
+from pnfarm.api.access.connections import BACKLOG, Connections, ListeningSocket, connection_limit, protocol_of
 from pnfarm.api.access.token import token_of
 from pnfarm.api.app import make_app
 from pnfarm.api.problems import REPORTED
@@ -76,7 +76,7 @@ def listen(host: str, port: int, *, what: str = "the API", key: str = "api") -> 
     where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        found = socket.socket(family, kind, protocol)
+        found = ListeningSocket(family, kind, protocol)
     except socket.gaierror as exc:
         raise EnvironmentError_(f"{host!r} is not an address of this machine ({exc}); set {key}: HOST:PORT") from exc
     except OSError as exc:

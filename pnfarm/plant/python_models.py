@@ -48,7 +48,7 @@ class _Model:
         except Exception as exc:
             raise ConfigError(f"plant model {planned.name} cannot be made: {placed(exc, what.module)}") from exc
         # gives and takes numbers of Python's own, in half of the time that an array needs
-        self._values = memoryview(values)
+        self._values: Any = memoryview(values)
         inputs, self._outputs = planned.inputs.values(), [(port.name, at) for port, at in planned.outputs.values()]
         self._numbers = [(port.name, at) for port, at in inputs if port.form != "bit"]
         self._bits = [(port.name, at) for port, at in inputs if port.form == "bit"]

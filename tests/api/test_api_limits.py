@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import resource
 import socket
@@ -17,7 +18,14 @@ from events import Something
 
 from pnfarm.api import serve
 from pnfarm.api.access import connections, throttle
-from pnfarm.api.access.connections import BACKLOG, LEAST, MOST, RESERVED_FILES, connection_limit
+from pnfarm.api.access.connections import (
+    BACKLOG,
+    LEAST,
+    MOST,
+    RESERVED_FILES,
+    ListeningSocket,
+    connection_limit,
+)  # fmt: skip
 from pnfarm.farm.process.open_files import MOST_FILES, open_files, raise_file_limit
 
 
@@ -315,3 +323,20 @@ def test_a_farm_takes_as_many_files_as_it_may_have(limits):
     most = MOST_FILES if hard == resource.RLIM_INFINITY else min(hard, MOST_FILES)
     assert raise_file_limit() == most
     assert resource.getrlimit(resource.RLIMIT_NOFILE) == (most, hard)
+
+
+def test_a_listening_socket_without_files_is_not_asked_again_at_once(monkeypatch):
+    asked = []
+
+    def accept(self):
+        asked.append(self)
+        raise OSError(errno.EMFILE, "too many open files")
+
+    monkeypatch.setattr(socket.socket, "accept", accept)
+    with ListeningSocket() as one:
+        with pytest.raises(OSError, match="too many open files"):
+            one.accept()
+        for _ in range(32):
+            with pytest.raises(BlockingIOError):
+                one.accept()
+    assert len(asked) == 1

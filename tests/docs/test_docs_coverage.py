@@ -1,6 +1,7 @@
 """The coverage tables name every section of every manual, and tests that exist."""
 
 import ast
+import re
 from pathlib import Path
 
 import manual_coverage
@@ -28,6 +29,13 @@ def test_every_test_that_a_coverage_row_names_exists(model):
             if file not in known:
                 known[file] = _tests_of(ROOT / file) if (ROOT / file).is_file() else set()
             assert function in known[file], f"{model}, section {row.section}: {name}"
+
+
+def test_every_test_that_the_page_on_failures_of_the_machine_names_exists():
+    named = set(re.findall(r"`(test_[a-z0-9_]+)`", (ROOT / "docs/machine-failures.md").read_text(encoding="utf-8")))
+    known = set().union(*(_tests_of(path) for path in (ROOT / "tests").rglob("test_*.py")))
+    assert named
+    assert named <= known
 
 
 @pytest.mark.parametrize("model", MODELS)

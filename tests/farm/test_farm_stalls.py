@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
+from farm_programs import ROOT, stopped, two_programs
 
 from pnfarm.buses.ethernetip.config.controller import EthernetIpController
 from pnfarm.buses.ethernetip.config.drive import EthernetIpDrives
@@ -22,8 +17,6 @@ from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.cli.commands import demo
 from pnfarm.farm.file.reading import load_farm, parse_farm
 
-ROOT = Path(__file__).resolve().parents[2]
-SECONDS = 60.0
 FILE = """
 farm: stalls
 link: {kind: macvlan, parent: stall0}
@@ -42,70 +35,6 @@ drives:
   - {name: axis-02, model: moog-msd, ip: 10.77.0.12/16, cycle: 4ms}
 controller: {name: plc, ip: 10.77.255.1/16, interface: stall1, cycle: 16ms, watchdog_factor: 16, program: {kind: sine}}
 """
-CABLE = "ip link add stall0 type veth peer name stall1 && for link in lo stall0 stall1; do ip link set $link up; done"
-
-
-class Program:
-    """One of the program's commands with its log as JSON lines."""
-
-    def __init__(self, command: str, file: Path, where: int, log: Path) -> None:
-        self.enter = ["nsenter", f"--net=/proc/{where}/ns/net"]
-        enter = [*self.enter, sys.executable, "-m", "pnfarm.cli.main"]
-        self._log = log
-        with log.open("wb") as out:
-            self.process = subprocess.Popen(
-                [*enter, "--log-format", "json", command, str(file)],
-                stdout=out, stderr=out, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)},
-            )  # fmt: skip
-
-    def events(self, name: str) -> list[dict]:
-        lines = [line for line in self._log.read_text().splitlines() if line.startswith("{")]
-        return [entry for entry in map(json.loads, lines) if entry["event"] == name]
-
-    def wait(self, name: str, count: int = 1) -> list[dict]:
-        end = time.monotonic() + SECONDS
-        while len(found := self.events(name)) < count:
-            assert self.process.poll() is None, self._log.read_text()
-            assert time.monotonic() < end, self._log.read_text()
-            time.sleep(0.02)
-        return found
-
-    def get(self, path: str) -> str:
-        """What the farm's API answers."""
-        ask = f"import urllib.request as r; print(r.urlopen('http://127.0.0.1:8702{path}', timeout=10).read().decode())"
-        return subprocess.run(
-            [*self.enter, sys.executable, "-c", ask], stdout=subprocess.PIPE, text=True, check=True, timeout=SECONDS
-        ).stdout
-
-    def stop(self) -> None:
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-            try:
-                self.process.wait(20)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.wait()
-
-
-@contextlib.contextmanager
-def two_programs(folder: Path, text: str) -> Iterator[list[Program]]:
-    """A farm and its controller, each a process, in a network of their own."""
-    holder = subprocess.Popen(["unshare", "-n", "sh", "-c", f"{CABLE} && echo up && exec sleep 300"],
-                              stdout=subprocess.PIPE, text=True)  # fmt: skip
-    programs = []
-    try:
-        assert holder.stdout.readline() == "up\n"
-        file = folder / "stalls.pnfarm.yml"
-        file.write_text(text)
-        programs.append(Program("up", file, holder.pid, folder / "up.log"))
-        programs.append(Program("plc", file, holder.pid, folder / "plc.log"))
-        yield programs
-    finally:
-        for program in programs:
-            program.stop()
-        holder.kill()
-        holder.wait()
-        holder.stdout.close()
 
 
 @pytest.fixture
@@ -115,15 +44,6 @@ def apart(tmp_path, request):
         pytest.skip("needs root to make a network namespace")
     with two_programs(tmp_path, getattr(request, "param", FILE)) as programs:
         yield programs
-
-
-def stopped(seconds: float, *programs: Program) -> None:
-    """The machine does not run these processes for so long."""
-    for program in programs:
-        program.process.send_signal(signal.SIGSTOP)
-    time.sleep(seconds)
-    for program in programs:
-        program.process.send_signal(signal.SIGCONT)
 
 
 @pytest.mark.exclusive

@@ -34,7 +34,9 @@ def models(tmp_path: Path):
     section = PlantSection.model_validate({"models": [{"name": "ramp", "python": "ramp.py", "step": "5ms"}]})
     plan = plan_plant(section, {}, {}, tmp_path, lambda *issue: pytest.fail(str(issue)))
     late: list[tuple[int, int]] = []
-    found = PythonModels(plan.models.values(), np.zeros(1), lambda *_: None, late=lambda now, ns: late.append((now, ns)))
+    found = PythonModels(
+        plan.models.values(), np.zeros(1), lambda *_: None, late=lambda now, ns: late.append((now, ns))
+    )
     found.start(0)
     yield found, late
     found.close()

@@ -18,8 +18,10 @@ ANSWER                  the application                -
 
 from __future__ import annotations
 
+import errno
 import resource
 import socket
+import time
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -31,7 +33,7 @@ from pnfarm.farm.process.open_files import open_files
 if TYPE_CHECKING:
     import asyncio
 
-__all__ = ["BACKLOG", "Connections", "LimitedProtocol", "connection_limit", "protocol_of"]
+__all__ = ["BACKLOG", "Connections", "LimitedProtocol", "ListeningSocket", "connection_limit", "protocol_of"]
 
 #: Upper limit; a farm needs some for pages, scrapes and scripts.
 MOST = 256
@@ -42,6 +44,9 @@ RESERVED_FILES = 64
 #: Backlog of the socket: connections that one turn of the event loop accepts before it serves any.
 BACKLOG = 32
 
+#: Rest of the listening socket after there was no file for a connection; shorter than asyncio's own of one second.
+REST_SECONDS = 0.5
+
 HEAD_SECONDS = 10.0
 BODY_SECONDS = 20.0
 STALL_SECONDS = 20.0
@@ -49,6 +54,26 @@ STALL_SECONDS = 20.0
 SEND_BUFFER = 262_144
 
 logger = structlog.get_logger("pnfarm.api")
+
+
+class ListeningSocket(socket.socket):
+    """Accepts nothing for a while after the process had no file left for a connection.
+
+    Asyncio tries again at once, as often as the backlog says, plans as many further attempts, and logs each.
+    """
+
+    _rests_until = 0.0
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """As of the socket; raises :class:`BlockingIOError` while it rests: nobody waits, for the event loop."""
+        if time.monotonic() < self._rests_until:
+            raise BlockingIOError
+        try:
+            return super().accept()
+        except OSError as exc:
+            if exc.errno in {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}:
+                self._rests_until = time.monotonic() + REST_SECONDS
+            raise
 
 
 def connection_limit() -> int:
