@@ -38,7 +38,6 @@ NOTES = {
     "msgpack": "never in one process with scapy",
     "cm-ethernetip": "a scanner in tests, in a process of its own",
     "cpppo": "a client in tests, in a process of its own; taken under version 3 of the GPL",
-    "mergedeep": "its text is that of MIT",
     "pyserial": "its texts are those of BSD-3-Clause",
     "pyprofibus": "a master in tests, in a process of its own",
     "axe-playwright-python": "tests read the rules of accessibility in it",
