@@ -1,4 +1,4 @@
-"""A program that tries what no farm has a use for, as an attacker in its process could: in a container, as a service."""
+"""A program that tries what no farm has a use for, as an attacker in its process could."""
 
 from __future__ import annotations
 

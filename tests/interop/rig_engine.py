@@ -242,7 +242,8 @@ class Engine:
             source, target = ROOT / name, folder / name
             folder.mkdir(exist_ok=True)
             if source.is_dir():
-                shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "*.pyc", "state"))
+                left = ("__pycache__", "*.pyc", *(["state"] if name == "configs" else []))
+                shutil.copytree(source, target, ignore=shutil.ignore_patterns(*left))
             else:
                 shutil.copy(source, target)
         run(

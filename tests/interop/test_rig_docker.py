@@ -16,8 +16,8 @@ import urllib.parse
 from pathlib import Path
 
 import pytest
-from rig_dashboards import BOARDS, queries
 from refused import PROBE
+from rig_dashboards import BOARDS, queries
 from rig_engine import BUILT, Engine, why_not
 
 pytestmark = [
