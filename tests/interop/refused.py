@@ -6,8 +6,8 @@ from __future__ import annotations
 PROBE = """
 import ctypes, json, os, platform, socket
 libc = ctypes.CDLL(None, use_errno=True)
-number = {"x86_64": dict(init_module=175, bpf=321, keyctl=250, perf_event_open=298, io_uring_setup=425, clone=56),
-          "aarch64": dict(init_module=105, bpf=280, keyctl=219, perf_event_open=241, io_uring_setup=425, clone=220)}
+number = {"x86_64": dict(init_module=175, bpf=321, keyctl=250, perf_event_open=298, io_uring_setup=425),
+          "aarch64": dict(init_module=105, bpf=280, keyctl=219, perf_event_open=241, io_uring_setup=425)}
 said = {}
 
 def call(name, function, *arguments):
