@@ -30,25 +30,29 @@ RUN /opt/build/bin/pip wheel --no-cache-dir --disable-pip-version-check --no-dep
  && /opt/pnfarm/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps --no-index /wheels/*.whl \
  && /opt/pnfarm/bin/pip uninstall -y --disable-pip-version-check setuptools pip
 
-# The engine's machine code, compiled once, for any processor of this architecture.  Numba recognises stale code by a
-# file's time, which a layer may round to whole seconds.  Any user can add files to the folders, as in /tmp, but not
-# replace existing ones.
+# The engine's machine code, compiled once, for any processor of this architecture, unless the build's context has it
+# (`python -m pnfarm.engine.warm --copy-to pnfarm/machine_code`).  Any user loads it, none replaces it.
 ENV NUMBA_CACHE_DIR=/opt/pnfarm/cache
 # not in /src: what is compiled must be what was installed
 WORKDIR /
-RUN find /opt/pnfarm/lib -name '*.py' -exec touch --no-create --date=@1700000000 {} + \
+RUN mkdir /opt/pnfarm/cache \
+ && find /opt/pnfarm/lib -name '*.py' -exec touch --no-create --date=@1700000000 {} + \
  && /opt/pnfarm/bin/python -m compileall -q -f /opt/pnfarm/lib \
  && /opt/pnfarm/bin/python -m pnfarm.engine.warm \
- && find /opt/pnfarm/cache -type d -exec chmod 1777 {} +
+ && rm -rf /opt/pnfarm/lib/python3*/site-packages/pnfarm/machine_code
 
 
 FROM ${BASE}
 LABEL org.opencontainers.image.title="pnfarm" \
       org.opencontainers.image.description="A farm of virtual servo drives that a real PLC can run" \
       org.opencontainers.image.licenses="GPL-2.0-or-later"
+# Programs that run with more rights than their caller's have no use here: nobody logs in.  Logs and caches of the
+# installation differ in each build.
 RUN apt-get update \
  && apt-get install -y --no-install-recommends python3 \
  && rm -rf /var/lib/apt/lists/* \
+ && find /var/cache /var/log -type f -delete \
+ && find / -xdev -type f -perm /6000 -exec chmod ug-s {} + \
  && groupadd --system --gid 8702 pnfarm \
  && useradd --system --uid 8702 --gid pnfarm --home-dir /var/lib/pnfarm --shell /usr/sbin/nologin pnfarm \
  && mkdir /rig \

@@ -8,6 +8,7 @@ NEWEST ?=
 VENV := .venv$(if $(NEWEST),-newest)
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+RELEASE_STAMP := $(VENV)/.installed-release
 TOOLS_STAMP := $(VENV)/.installed-tools
 TEST_STAMP := $(VENV)/.installed-test
 PIP := $(BIN)/python -m pip install --quiet
@@ -28,7 +29,7 @@ APART := "cm-ethernetip<0.2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-annotate --custom-compile-command "make lock"
 
-.PHONY: demo test newest lint docs install fuzz soak bench release-check lock clean
+.PHONY: demo test newest lint docs install fuzz soak bench release-check wheel reproducible sbom audit lock clean
 
 demo: $(STAMP)
 	@$(BIN)/pnfarm demo $(ARGS)
@@ -46,6 +47,7 @@ lint: $(TOOLS_STAMP)
 	$(BIN)/mypy
 	$(BIN)/mypy configs/pytest/test_async.py
 	$(BIN)/mypy hatch_build.py
+	$(BIN)/mypy release
 	$(BIN)/lint-imports
 
 # as a site in build/site; a link or an anchor that leads nowhere is an error
@@ -66,6 +68,21 @@ release-check: $(STAMP)
 	$(BIN)/pnfarm bench --markdown docs/bench.md || { code=$$?; [ $$code = 1 ] || [ $$code = 3 ]; }
 	$(BIN)/python docs/release_check.py
 
+# the last commit's wheel and sdist, in dist/, the same octets wherever they are built; a second build compares
+wheel: $(STAMP)
+	$(BIN)/python release/archives.py $(ARGS)
+
+reproducible: $(STAMP)
+	$(BIN)/python release/archives.py --twice $(ARGS)
+
+# what an installation is made of, and its terms, in dist/
+sbom: $(RELEASE_STAMP)
+	$(BIN)/python release/sbom.py $(ARGS)
+
+# known vulnerabilities of what is locked; ARGS="--offline FOLDER" asks nobody
+audit: $(RELEASE_STAMP)
+	$(BIN)/python release/audit.py $(ARGS)
+
 install: $(STAMP)
 
 $(BIN)/python:
@@ -81,7 +98,11 @@ $(STAMP): | $(BIN)/python
 	$(PIP) --upgrade --upgrade-strategy eager -e .
 	@touch $@
 
-$(TOOLS_STAMP): $(STAMP)
+$(RELEASE_STAMP): $(STAMP)
+	$(PIP) --upgrade --upgrade-strategy eager --group release
+	@touch $@
+
+$(TOOLS_STAMP): $(RELEASE_STAMP)
 	$(PIP) --upgrade --upgrade-strategy eager --group docs --group lint --group test
 	@touch $@
 
@@ -96,7 +117,11 @@ $(STAMP): pyproject.toml locks/build.txt locks/runtime.txt | $(BIN)/python
 	$(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
 
-$(TOOLS_STAMP): $(STAMP) locks/ci.txt
+$(RELEASE_STAMP): $(STAMP) locks/release.txt
+	$(LOCK)/release.txt
+	@touch $@
+
+$(TOOLS_STAMP): $(RELEASE_STAMP) locks/ci.txt
 	$(LOCK)/ci.txt
 	@touch $@
 
@@ -113,6 +138,7 @@ lock: | $(BIN)/python
 	$(UV) pyproject.toml --group build --group docs --group lint --group test -o locks/ci.txt
 	$(UV) pyproject.toml --extra opcua --extra postgres -c locks/ci.txt -o locks/runtime.txt
 	$(UV) --group build -c locks/ci.txt -o locks/build.txt
+	$(UV) --group release -c locks/ci.txt -o locks/release.txt
 	printf '%s\n' $(PEERS) | $(UV) --no-deps - -o locks/peers.txt
 	printf '%s\n' $(APART) | $(UV) --no-deps - -o locks/apart.txt
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import threading
@@ -49,13 +51,72 @@ def test_a_service_has_no_right_that_it_does_not_need(name):
     assert service["cap_drop"] == ["ALL"]
     assert "privileged" not in service
     assert "devices" not in service
-    assert service["security_opt"] == ["no-new-privileges:true"]
+    own = name in {"farm", "plc"}
+    assert service["security_opt"] == ["no-new-privileges:true", *(["seccomp:configs/rig/seccomp.json"] if own else [])]
+    # Grafana's image is not part of any test
+    assert service.get("read_only", False) == (name != "grafana")
     # what the entry point gives up root with, and gives up then
     change = {"SETUID", "SETGID", "SETPCAP"}
     wanted = {"farm": {"NET_ADMIN", "NET_RAW", *change}, "plc": {"NET_RAW", *change}}
     assert set(service.get("cap_add", ())) == wanted.get(name, set())
     if name in wanted:
         assert service["entrypoint"][0] == "pnfarm-entry"
+
+
+def allowed_calls():
+    """The names of the profile's system calls that some arguments permit."""
+    profile = json.loads((ROOT / "configs" / "rig" / "seccomp.json").read_text("utf-8"))
+    assert (profile["defaultAction"], profile["defaultErrnoRet"]) == ("SCMP_ACT_ERRNO", 1)
+    rules = [rule for rule in profile["syscalls"] if rule["action"] == "SCMP_ACT_ALLOW"]
+    assert {rule["action"] for rule in profile["syscalls"]} == {"SCMP_ACT_ALLOW", "SCMP_ACT_ERRNO"}
+    return rules
+
+
+def test_the_profile_of_system_calls_permits_no_group_that_a_farm_has_no_use_for():
+    names = {name for rule in allowed_calls() for name in rule["names"]}
+    for name in (
+        "mount", "umount2", "pivot_root", "ptrace", "process_vm_readv", "init_module", "finit_module", "bpf", "reboot",
+        "perf_event_open", "userfaultfd", "io_uring_setup", "keyctl", "setns", "unshare", "clock_settime", "swapon",
+    ):  # fmt: skip
+        assert name not in names
+    families = sorted(rule["args"][0]["value"] for rule in allowed_calls() if rule["names"] == ["socket"])
+    assert families == sorted(
+        map(int, (socket.AF_UNIX, socket.AF_INET, socket.AF_INET6, socket.AF_NETLINK, socket.AF_PACKET))
+    )
+
+
+UNIT = (ROOT / "configs" / "systemd" / "pnfarm@.service").read_text("utf-8")
+
+
+def test_the_service_and_the_container_may_open_the_same_kinds_of_sockets():
+    (line,) = re.findall(r"^RestrictAddressFamilies=(.+)$", UNIT, re.MULTILINE)
+    rules = [rule for rule in allowed_calls() if rule["names"] == ["socket"]]
+    assert {getattr(socket, name) for name in line.split()} == {rule["args"][0]["value"] for rule in rules}
+    assert {rule["comment"] for rule in rules} == set(line.split())
+
+
+def test_the_service_has_the_two_capabilities_and_no_others():
+    for name in ("AmbientCapabilities", "CapabilityBoundingSet"):
+        assert re.findall(f"^{name}=(.*)$", UNIT, re.MULTILINE) == ["CAP_NET_ADMIN CAP_NET_RAW"]
+
+
+@pytest.mark.skipif(
+    shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed (apt-get install systemd)"
+)
+def test_what_systemd_finds_open_in_the_service_is_what_a_farm_is_for():
+    command = ["systemd-analyze", "security", "--offline=true", "--no-pager", "--json=short"]
+    path = ROOT / "configs" / "systemd" / "pnfarm@.service"
+    said = subprocess.run([*command, path], capture_output=True, text=True, check=False)
+    rows = json.loads(said.stdout)
+    assert len(rows) > 60
+    # each of them is what a farm is for, or said in the file
+    assert {row["name"] for row in rows if row["set"] is False and row["exposure"]} <= {
+        "AmbientCapabilities=", "CapabilityBoundingSet=~CAP_NET_(BIND_SERVICE|BROADCAST|RAW)",
+        "CapabilityBoundingSet=~CAP_NET_ADMIN", "DeviceAllow=", "IPAddressDeny=", "MemoryDenyWriteExecute=",
+        "PrivateNetwork=", "PrivateUsers=", "ProcSubset=", "RestrictAddressFamilies=~AF_(INET|INET6)",
+        "RestrictAddressFamilies=~AF_NETLINK", "RestrictAddressFamilies=~AF_PACKET", "RestrictAddressFamilies=~AF_UNIX",
+        "RootDirectory=/RootImage=", "SystemCallFilter=~@resources", "UMask=",
+    }  # fmt: skip
 
 
 def test_the_image_has_a_user_that_is_not_root():
@@ -210,6 +271,17 @@ def test_a_container_outside_of_the_fieldbus_is_told_so():
     )  # fmt: skip
     assert run.returncode == 4
     assert run.stderr == "this container has no interface in 203.0.113.0/24: put it into the network `fieldbus`\n"
+
+
+def test_a_secret_is_given_to_the_command_alone(tmp_path):
+    (tmp_path / "db").write_text("a-password\n")
+    program = [sys.executable, ROOT / "configs" / "rig" / "with_secret.py", "PGPASSWORD"]
+    show = [sys.executable, "-c", "import os; print(os.environ['PGPASSWORD'])"]
+    run = subprocess.run([*program, tmp_path / "db", *show], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (0, "a-password\n")
+    run = subprocess.run([*program, tmp_path / "none", *show], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (4, "")
+    assert run.stderr == f"the secret {tmp_path / 'none'} cannot be read: No such file or directory\n"
 
 
 def test_the_controllers_health_check_shows_the_token_of_the_file(tmp_path):

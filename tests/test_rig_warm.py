@@ -108,6 +108,39 @@ def test_a_cache_that_cannot_be_written_is_no_failure(tmp_path, monkeypatch):
     assert not is_cached()
 
 
+#: Compiles a function and loads another one where nothing can be written.
+READ_ONLY = """
+import sys
+from pnfarm.table.compiling import code_cache
+
+def refuse(self):
+    raise OSError(30, "Read-only file system")
+
+code_cache.DigestLocator.ensure_cache_path = refuse
+from numba.core import event
+with event.install_recorder("numba:compile") as recorder:
+    import pnfarm.engine.tick
+    from pnfarm.engine.columns import allocate
+    print(pnfarm.engine.tick.next_due(allocate(images=1, axes=1, channels=1), 0) is not None, len(recorder.buffer))
+from pnfarm.table.compiling.compiled import compiled
+
+@compiled
+def doubled(number): return 2 * number
+
+print(doubled(21))
+"""
+
+
+def test_where_nothing_can_be_written_machine_code_is_loaded_and_the_rest_is_compiled(tmp_path):
+    copy_machine_code(tmp_path)
+    kept = sorted(tmp_path.rglob("*.nbi"))
+    program = tmp_path / "program.py"
+    program.write_text(READ_ONLY)
+    run = python(str(program), NUMBA_CACHE_DIR=str(tmp_path), NUMBA_DISABLE_JIT="0")
+    assert (run.returncode, run.stdout.split()) == (0, ["True", "0", "42"]), run.stderr
+    assert sorted(tmp_path.rglob("*.nbi")) == kept
+
+
 ALL = dict.fromkeys(NEEDED, True)
 
 

@@ -32,6 +32,8 @@ def test_a_service_has_no_right_that_it_does_not_need(name):
     assert SERVICES[name]["cap_drop"] == ["ALL"]
     assert set(SERVICES[name].get("cap_add", ())) == wanted.get(name, set())
     assert "privileged" not in SERVICES[name]
+    # Grafana's image is not part of any test
+    assert SERVICES[name].get("read_only", False) == (name != "grafana")
 
 
 def test_a_task_runs_the_shard_of_its_slot_and_there_is_one_for_each():

@@ -232,13 +232,33 @@ class Engine:
         (context / "entry").write_text(POSTGRES_ENTRY, "utf-8")
         self.docker("build", "--network=host", "-t", "postgres:16", context, timeout=1200)
 
+    def context(self):
+        """What the Dockerfile takes, with this machine's machine code, so that a build compiles nothing."""
+        folder = self.folder / "context"
+        if folder.exists():
+            return folder
+        named = (ROOT / ".dockerignore").read_text("utf-8").split()
+        for name in ["Dockerfile", *(line[1:] for line in named if line.startswith("!"))]:
+            source, target = ROOT / name, folder / name
+            folder.mkdir(exist_ok=True)
+            if source.is_dir():
+                left = ("__pycache__", "*.pyc", *(["state"] if name == "configs" else []))
+                shutil.copytree(source, target, ignore=shutil.ignore_patterns(*left))
+            else:
+                shutil.copy(source, target)
+        run(
+            sys.executable, "-m", "pnfarm.engine.warm", "--copy-to", folder / "pnfarm" / "machine_code",
+            cwd=ROOT, env={**os.environ, "NUMBA_DISABLE_JIT": "0"},
+        )  # fmt: skip
+        return folder
+
     def build_image(self, *, base=None, tag="pnfarm:local"):
         """pnfarm's image by its Dockerfile, on ``base`` or on what the Dockerfile names."""
         arguments = [f"PIP_CERT={AUTHORITIES}"]
         arguments += [f"{name}={os.environ[name]}" for name in ("PIP_INDEX_URL",) if name in os.environ]
         arguments += [] if base is None else [f"BASE={base}"]
         options = [word for argument in arguments for word in ("--build-arg", argument)]
-        self.docker("build", "--network=host", *options, "-t", tag, ".", timeout=1200)
+        self.docker("build", "--network=host", *options, "-t", tag, self.context(), timeout=1200)
 
 
 def main(what, folder):

@@ -5,6 +5,7 @@ Takes some minutes and a gigabyte, so it runs where ``PNFARM_DOCKER=1`` asks for
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -15,6 +16,7 @@ import urllib.parse
 from pathlib import Path
 
 import pytest
+from refused import PROBE
 from rig_dashboards import BOARDS, queries
 from rig_engine import BUILT, Engine, why_not
 
@@ -35,6 +37,21 @@ ON_PROFIBUS = "axis-09"
 DRIVES = [*NETWORKED, ON_PROFIBUS]
 #: CAP_NET_ADMIN (12) and CAP_NET_RAW (13).
 NET_ADMIN, NET_RAW = 1 << 12, 1 << 13
+
+
+#: What the image holds: programs that a farm has no use for, and files that give their caller another's rights.
+HOLDS = """
+import json, os, shutil
+names = "cc gcc g++ c++ clang ld as make cmake pip pip3 easy_install curl wget ssh".split()
+rights = [os.path.join(folder, name) for top in ("/usr", "/opt", "/etc", "/var") for folder, _, names_ in os.walk(top)
+          for name in names_ if os.lstat(os.path.join(folder, name)).st_mode & 0o6000]
+try:
+    import pip
+    found = ["pip, as a module"]
+except ModuleNotFoundError:
+    found = []
+print(json.dumps([found + [name for name in names if shutil.which(name)], rights]))
+"""
 
 
 @pytest.fixture(scope="module")
@@ -162,6 +179,56 @@ def test_the_image_is_no_roots_and_says_what_its_root_needs(rig):
     assert run("--user", "0", command=("id", "-u")).strip() == GROUP
     with pytest.raises(AssertionError, match=r"(?s): 4\n.*add SETGID, SETUID and SETPCAP"):
         run("--user", "0", "--cap-drop=ALL", command=("id", "-u"))
+
+
+def contained(rig, program, *options, user=GROUP):
+    """What a Python program prints in a container of the image, as JSON."""
+    return json.loads(
+        rig.engine.docker(
+            "run", "--rm", "--network=none", "--no-healthcheck", "--user", user, *options,
+            "--entrypoint", "python", "pnfarm:local", "-c", program,
+        )
+    )  # fmt: skip
+
+
+def test_the_image_holds_no_compiler_no_installer_and_no_program_with_anothers_rights(rig):
+    assert contained(rig, HOLDS, user="0") == [[], []]
+
+
+def test_the_image_needs_no_shell(rig):
+    away = [word for shell in ("dash", "bash", "sh") for word in ("-v", f"/dev/null:/usr/bin/{shell}:ro")]
+    image = ("run", "--rm", "--network=none", "--no-healthcheck", *away)
+    with pytest.raises(AssertionError, match=r"permission denied|not found"):
+        rig.engine.docker(*image, "--entrypoint", "sh", "pnfarm:local", "-c", "true")
+    for user in ("0", GROUP):
+        said = rig.engine.docker(*image, "--user", user, "pnfarm:local", "validate", "configs/demo.pnfarm.yml")
+        assert "configs/demo.pnfarm.yml" in said
+    check = json.loads(rig.engine.docker("inspect", "-f", "{{json .Config.Healthcheck.Test}}", "pnfarm:local"))
+    assert check[:2] == ["CMD", "python"]
+
+
+def test_a_container_of_the_rig_refuses_what_a_farm_has_no_use_for(rig):
+    """As the farm's own user, and as the root that the entry point gives up."""
+    # what the same program may do in a container with an engine's usual rights, and no profile at all
+    usual = contained(rig, PROBE, "--security-opt", "seccomp=unconfined", user="0")
+    for user, service in (("root", "farm"), (GROUP, "farm"), (GROUP, "plc")):
+        said = json.loads(rig.compose("exec", "-T", "--user", user, service, "python", "-c", PROBE))
+        for place in ("/", "/rig", "/opt/pnfarm/cache", "/usr/local/bin"):
+            assert said.pop(f"write {place}") == errno.EROFS
+            assert usual[f"write {place}"] == 0
+        assert said.pop("execute in /tmp") == errno.EACCES
+        assert usual["execute in /tmp"] == 0
+        assert (said.pop("write /tmp"), said.pop("AF_NETLINK"), said.pop("AF_INET")) == (0, 0, 0)
+        # root has no rights over the user's files: DAC_OVERRIDE is not given
+        assert said.pop("write /var/lib/pnfarm") == (errno.EACCES if user == "root" else 0)
+        # an executed process of the user has no capabilities: the farm's own are ambient
+        assert said.pop("AF_PACKET") == (0 if user == "root" else errno.EPERM)
+        assert said.pop("setuid") == (0 if user == "root" else errno.EPERM)
+        # the rest, by the profile of system calls
+        assert said == dict.fromkeys(said, errno.EPERM)
+        assert {name for name in said if usual[name] == 0} >= {"personality", "ptrace"}
+    status = rig.compose("exec", "-T", "farm", "cat", "/proc/1/status")
+    assert "Seccomp:\t2\n" in status
 
 
 def test_the_base_image_may_be_named_by_its_digest(rig):

@@ -28,8 +28,8 @@ import numpy as np
 from numba.core import caching
 
 __all__ = [
-    "REAL_TIME", "DigestLocator", "cache_directory", "copy_code", "is_cached", "kept_functions", "mark_cached",
-    "take_packaged",
+    "REAL_TIME", "DigestLocator", "cache_directory", "copy_code", "is_cached", "is_usable", "kept_functions",
+    "mark_cached", "take_packaged",
 ]  # fmt: skip
 
 #: What a farm in real time over interfaces needs: all but what exchanges frames in memory.
@@ -113,13 +113,12 @@ class DigestLocator(caching._CacheLocator):  # type: ignore[misc]  # noqa: SLF00
         self._py_file = file  # Numba names it in a warning
 
     @classmethod
-    def from_function(cls, py_func: Any, py_file: str) -> DigestLocator | None:
-        """Numba's constructor; None where nothing can be written."""
+    def from_function(cls, py_func: Any, py_file: str) -> DigestLocator:
+        """Numba's constructor."""
         locator = cls(py_func, py_file)
-        try:
+        # what is there can be loaded where nothing can be written, as in a read-only image
+        with contextlib.suppress(OSError):
             locator.ensure_cache_path()
-        except OSError:
-            return None
         return locator
 
     def get_cache_path(self) -> str:
@@ -163,6 +162,14 @@ def copy_code(place: Path) -> None:
         if folder.is_dir():
             shutil.copytree(folder, target / folder.name, dirs_exist_ok=True)
     shutil.copy(_mark(""), target)
+
+
+def is_usable() -> bool:
+    """Whether machine code can be kept, or all of it is there already."""
+    directory = cache_directory()
+    with contextlib.suppress(OSError):
+        directory.mkdir(parents=True, exist_ok=True)
+    return os.access(directory, os.W_OK) or is_cached()
 
 
 def take_packaged() -> None:

@@ -10,6 +10,7 @@ function whose name begins with an underscore: no wrapper for calls from Python 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 from collections.abc import Callable
@@ -24,6 +25,7 @@ from pnfarm.table.compiling.code_cache import (
     cache_directory,
     copy_code,
     is_cached,
+    is_usable,
     kept_functions,
     mark_cached,
     take_packaged,
@@ -49,9 +51,7 @@ def _prepare() -> bool:
     choose_processor()
     # no index here is below 0, and Numba compares each with 0: the boundary checks of the tests refuse such a one
     slicing.fix_index = lambda _builder, index, _size: index
-    try:
-        cache_directory().mkdir(parents=True, exist_ok=True)
-    except OSError:
+    if not is_usable():
         # no writable home (a container's arbitrary user): this run compiles again, correctly
         os.environ["NUMBA_CACHE_DIR"] = tempfile.mkdtemp(prefix="pnfarm-cache-")
     take_packaged()
@@ -126,6 +126,20 @@ def _ignore_literals(dispatcher: Any) -> None:
         )
 
 
+def _keep_where_possible(dispatcher: Any) -> None:
+    """Have a function that was compiled run also where its machine code cannot be written: it is not kept then."""
+    cache = getattr(dispatcher, "_cache", None)
+    if cache is None:
+        return
+    save = cache.save_overload
+
+    def save_overload(signature: Any, result: Any) -> None:
+        with contextlib.suppress(OSError):
+            save(signature, result)
+
+    cache.save_overload = save_overload
+
+
 def _compiled(function: _F, *, no_cfunc_wrapper: bool, inline: bool = False) -> _F:
     global _functions  # noqa: PLW0603 - a count of what this decorator was given
     _functions += 1
@@ -145,6 +159,7 @@ def _compiled(function: _F, *, no_cfunc_wrapper: bool, inline: bool = False) -> 
             _nrt=False,
         )
         _ignore_literals(dispatcher)
+        _keep_where_possible(dispatcher)
         return cast("_F", dispatcher)
     finally:
         numba.config.CACHE_LOCATOR_CLASSES = others
