@@ -111,7 +111,7 @@ lock: | $(BIN)/python
 	$(PIP) --upgrade pip
 	$(PIP) --group lock
 	$(UV) pyproject.toml --group build --group docs --group lint --group test -o locks/ci.txt
-	$(UV) pyproject.toml --extra opcua --extra postgres -c locks/ci.txt -o locks/runtime.txt
+	$(UV) pyproject.toml --extra opcua --extra postgres --extra tls -c locks/ci.txt -o locks/runtime.txt
 	$(UV) --group build -c locks/ci.txt -o locks/build.txt
 	printf '%s\n' $(PEERS) | $(UV) --no-deps - -o locks/peers.txt
 	printf '%s\n' $(APART) | $(UV) --no-deps - -o locks/apart.txt

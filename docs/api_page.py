@@ -54,6 +54,7 @@ def page() -> str:
         "- **Errors** are `application/problem+json` (RFC 9457), with the sentence that the command line prints.",
         "- **Token**: on loopback none is needed. Beyond it each request needs `Authorization: Bearer TOKEN`; with the",
         "  `read_token` of the farm file, requests may only read (403 otherwise).",
+        "- **TLS**: with `tls_cert` in the farm file the API is at `https://` ([access.md](access.md)).",
         "- **Streams** (`events`, `live`) are server-sent events; `follow=false` answers once and ends. A client that",
         "  does not read loses old events, and does not slow the farm down.",
         "- **Conditions**: the signals of a device have an `ETag`; `If-Match` and `If-None-Match` use it",

@@ -51,17 +51,22 @@ def _same(shown: str, token: str) -> bool:
     return hmac.compare_digest(shown.encode(errors="surrogateescape"), token.encode())
 
 
-def _netloc(origin: str) -> str:
+def _is_own(origin: str, request: Request) -> bool:
+    """Whether a page of this origin is the farm's; by TLS only one that came by TLS, too."""
     try:
-        return urlsplit(origin).netloc
+        found = urlsplit(origin)
     except ValueError:
-        return ""
+        return False
+    # without TLS the farm may be behind a proxy that speaks it
+    schemes = {"https"} if request.scope["scheme"] == "https" else {"http", "https", ""}
+    return found.scheme in schemes and found.netloc == request.headers.get("host", "")
 
 
-def _let_in(token: str) -> Response:
-    """Redirect to the page, with a cookie for its requests."""
+def _let_in(token: str, request: Request) -> Response:
+    """Redirect to the page, with a cookie for its requests; one that came by TLS is sent by TLS only."""
     response = RedirectResponse("/", status_code=HTTPStatus.SEE_OTHER)
-    response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
+    secure = request.scope["scheme"] == "https"
+    response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=secure)
     return response
 
 
@@ -83,7 +88,7 @@ class Guard:
     async def _judge(self, request: Request) -> Response | None:
         origin = request.headers.get("origin")
         host = request.headers.get("host", "")
-        if request.method not in SAFE_METHODS and origin is not None and _netloc(origin) != host:
+        if request.method not in SAFE_METHODS and origin is not None and not _is_own(origin, request):
             return problem(HTTPStatus.FORBIDDEN, f"a page of {origin} may not change this farm", request)
         if self._token is None:
             request.scope[WHO] = "loopback"
@@ -108,11 +113,11 @@ class Guard:
         """The response to a browser without a valid token."""
         if request.method == "POST":
             typed = await typed_token(request)
-            return _let_in(typed) if typed and self._is_one(typed) else login_page(wrong=True)
+            return _let_in(typed, request) if typed and self._is_one(typed) else login_page(wrong=True)
         asked = parse_qs(request.scope.get("query_string", b"").decode("latin-1")).get("token", [])
         if request.method == "GET" and asked and self._is_one(asked[0]):
             # removes the token from the address bar and the browser's history
-            return _let_in(asked[0])
+            return _let_in(asked[0], request)
         return login_page()
 
     def _is_one(self, shown: str) -> bool:
