@@ -194,6 +194,7 @@ async def serve_farm(farm: Farm, *, task_status: TaskStatus[tuple[str, int]] = T
         poke=farm.driver.poke,
         token=token.value,
         read_token=token.read,
+        tokens=token.tokens,
         states=farm.states,
     )
     token_place: dict[str, str] = {}

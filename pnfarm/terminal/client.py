@@ -183,7 +183,10 @@ class FarmClient:
         if response.status_code >= 500:
             raise FarmError(f"{detail} (the farm at {self.address})")
         if response.status_code == 401:
-            raise ConfigError("the farm needs its token: give --token, PNFARM_TOKEN or PNFARM_TOKEN_FILE")
+            hint = "give --token, PNFARM_TOKEN or PNFARM_TOKEN_FILE"
+            # of a token that it knows, the farm says what is wrong with it
+            is_known = "invalid_token" in response.headers.get("www-authenticate", "")
+            raise ConfigError(f"{detail}: {hint}" if is_known else f"the farm needs its token: {hint}")
         raise ConfigError(detail)
 
     def _not_a_farm(self) -> RemoteError:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import socket
 import ssl
 from contextlib import asynccontextmanager
@@ -84,7 +83,7 @@ def test_a_client_without_the_authority_says_why_it_asks_nothing(world, made, tm
     async def main():
         async with served(world, made) as port:
             for ca in (None, other.authority):
-                with pytest.raises(ConfigError, match="unknown authority .*--tls-ca"):
+                with pytest.raises(ConfigError, match=r"unknown authority .*--tls-ca"):
                     await answer(f"https://localhost:{port}", tls_ca=ca)
             with pytest.raises(ConfigError, match="nowhere cannot be used: no such file"):
                 await answer(f"https://localhost:{port}", tls_ca="nowhere")
@@ -263,8 +262,8 @@ def test_a_handshake_has_its_time_and_holds_up_nobody_nor_the_end_of_the_farm(wo
                 await stream.send(bytes.fromhex("160301020001"))
                 assert (await answer(f"https://localhost:{port}", tls_ca=made.authority))["api"] == "v1"
                 with anyio.fail_after(10), pytest.raises(anyio.EndOfStream):
-                    while True:
-                        await stream.receive()
+                    # nothing is said before
+                    await stream.receive()
             monkeypatch.setattr(tls, "HANDSHAKE_SECONDS", 1000.0)
             held = await anyio.connect_tcp("127.0.0.1", port)
             await anyio.lowlevel.checkpoint()
@@ -326,19 +325,5 @@ def test_who_does_not_say_goodbye_gives_way_as_well(world, made, monkeypatch):
             assert (await answer(f"https://localhost:{port}", tls_ca=made.authority))["api"] == "v1"
             for stream in held:
                 await stream.aclose()
-
-    anyio.run(main)
-
-
-def test_an_old_protocol_is_not_spoken(world, made):
-    context = client_context(made.authority)
-    with pytest.warns(DeprecationWarning, match="TLSVersion"):
-        context.minimum_version = ssl.TLSVersion.TLSv1
-        context.maximum_version = ssl.TLSVersion.TLSv1_1
-
-    async def main():
-        async with served(world, made) as port:
-            with pytest.raises((ssl.SSLError, OSError)):
-                await asyncio.open_connection("127.0.0.1", port, ssl=context, server_hostname="localhost")
 
     anyio.run(main)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import stat
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from farm_flags import overridden
 
-from pnfarm.farm.file.reading import FarmFileError
+from pnfarm.api.access.token import token_of
+from pnfarm.api.access.token_file import add_token
+from pnfarm.farm.file.reading import FarmFileError, parse_farm
+from pnfarm.web.roles import Role
 
 FARM = "farm: a\nlink: {kind: memory}\napi: %s\ndrives: [{name: a, model: akd-profinet}]\n"
 
@@ -44,6 +49,66 @@ def test_what_cannot_be_made_is_one_sentence(pnfarm, tmp_path):
         assert (found.code, found.err.count("\n")) == (code, 1)
         assert sentence in found.err
     assert not (tmp_path / "a").exists()
+
+
+# -- tokens
+
+
+def test_a_token_is_added_listed_and_removed_and_its_secret_is_printed_once(pnfarm, tmp_path):
+    file = tmp_path / "tokens"
+    secret = pnfarm("token", "add", file, "ci", "--role", "inject", "--expires", "30d").out
+    assert len(secret.strip()) > 40
+    assert secret.count("\n") == 1
+    assert pnfarm("token", "add", file, "wall", "--expires", "never").code == 0
+    assert secret.strip() not in file.read_text()
+    listed = json.loads(pnfarm("token", "list", file, "--format", "json").out)["tokens"]
+    assert [(one["name"], one["role"], one["expired"]) for one in listed] == [
+        ("ci", "inject", False),
+        ("wall", "read", False),
+    ]
+    ends = datetime.fromisoformat(listed[0]["expires"]) - datetime.now(UTC)
+    assert timedelta(days=29) < ends <= timedelta(days=30)
+    assert pnfarm("token", "remove", file, "ci").out == "removed ci\n"
+    assert "ci" not in pnfarm("token", "list", file).out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("add", "FILE", "ci", "--role", "root"), "--role 'root' is not a role; allowed: read, inject, admin"),
+        (("add", "FILE", "ci", "--expires", "soon"), "--expires 'soon' is not a time; allowed: 30d"),
+        (("add", "FILE", "ci", "--expires", "2020-01-31"), "--expires 2020-01-31 is over already"),
+        (("add", "FILE", "a b"), "'a b' is not a name"),
+        (("list", "FILE"), "there is none; `pnfarm token add"),
+        (("remove", "FILE", "ci"), "there is none; `pnfarm token add"),
+    ],
+)
+def test_a_token_that_cannot_be_is_one_sentence_and_no_file(pnfarm, tmp_path, arguments, sentence):
+    file = tmp_path / "tokens"
+    found = pnfarm("token", *(file if word == "FILE" else word for word in arguments))
+    assert (found.code, found.err.count("\n")) == (2, 1)
+    assert sentence in found.err
+    assert not file.exists()
+
+
+def test_a_farm_and_a_hub_with_a_wrong_file_of_tokens_do_not_start(pnfarm, tmp_path):
+    file = tmp_path / "tokens"
+    file.write_text("ci\n")
+    (tmp_path / "a.pnfarm.yml").write_text(FARM % "127.0.0.1:0")
+    for command in (("up", tmp_path / "a.pnfarm.yml"), ("hub", "--shard", "x")):
+        found = pnfarm(*command, "--tokens", file)
+        assert (found.code, "line 1: a line has four words" in found.err) == (2, True)
+
+
+def test_with_a_file_of_tokens_no_token_is_generated(tmp_path):
+    add_token(tmp_path / "tokens", "ci", Role.READ, None)
+    section = "{listen: '0.0.0.0:1', tokens: tokens%s}"
+    (tmp_path / "a.pnfarm.yml").write_text(FARM)
+    found = token_of(parse_farm(FARM % (section % "") + "state: ./state\n", tmp_path / "a.pnfarm.yml"))
+    assert (found.value, found.file, found.in_log) == (None, None, None)
+    assert [holder.name for holder in found.tokens.holders()] == ["ci"]
+    own = token_of(parse_farm(FARM % (section % ", token_file: own"), tmp_path / "a.pnfarm.yml"))
+    assert own.file == tmp_path / "own"
 
 
 @pytest.mark.parametrize(

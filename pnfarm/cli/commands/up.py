@@ -39,6 +39,7 @@ _SETTINGS: Mapping[str, tuple[str, str, str]] = {
     "api": ("api", "--api", "PNFARM_UP_API"),
     "token": ("api.token", "--api-token", "PNFARM_UP_API_TOKEN"),
     "read_token": ("api.read_token", "--api-read-token", "PNFARM_UP_API_READ_TOKEN"),
+    "tokens": ("api.tokens", "--tokens", "PNFARM_UP_TOKENS"),
     "tls_cert": ("api.tls_cert", "--tls-cert", "PNFARM_UP_TLS_CERT"),
     "tls_key": ("api.tls_key", "--tls-key", "PNFARM_UP_TLS_KEY"),
     "opcua": ("opcua", "--opcua", "PNFARM_UP_OPCUA"),
@@ -67,6 +68,10 @@ def up(
             "Bearer token that may read and change nothing.",
             metavar="TOKEN",
         ),
+    ] = None,
+    tokens: Annotated[
+        Path | None,
+        setting("--tokens", "PNFARM_UP_TOKENS", "File of tokens with roles (`pnfarm token`).", metavar="FILE"),
     ] = None,
     tls_cert: Annotated[
         Path | None,
@@ -163,10 +168,11 @@ def up(
     """Run a farm in the foreground until Ctrl-C; its interfaces are always removed at the end.
 
     Options override environment variables, and these override the farm file: PNFARM_UP_API, PNFARM_UP_API_TOKEN,
-    PNFARM_UP_API_READ_TOKEN, PNFARM_UP_TLS_CERT, PNFARM_UP_TLS_KEY, PNFARM_UP_OPCUA, PNFARM_UP_LINK_PARENT,
-    PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO and PNFARM_UP_REALTIME_MLOCKALL; PNFARM_UP_SHARD is
-    --shard, PNFARM_UP_RESTORE --restore.  For the capture options: PNFARM_UP_PCAP, PNFARM_UP_PCAP_DRIVES,
-    PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and PNFARM_UP_PCAP_FILES; separate several values with spaces.
+    PNFARM_UP_API_READ_TOKEN, PNFARM_UP_TOKENS, PNFARM_UP_TLS_CERT, PNFARM_UP_TLS_KEY, PNFARM_UP_OPCUA,
+    PNFARM_UP_LINK_PARENT, PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO and
+    PNFARM_UP_REALTIME_MLOCKALL; PNFARM_UP_SHARD is --shard, PNFARM_UP_RESTORE --restore.  For the capture options:
+    PNFARM_UP_PCAP, PNFARM_UP_PCAP_DRIVES, PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and PNFARM_UP_PCAP_FILES; separate
+    several values with spaces.
     """
     import anyio
 
@@ -174,7 +180,7 @@ def up(
     from pnfarm.links.serial.eager_loop import LOOKING
 
     # they are read from the context
-    del api, token, read_token, tls_cert, tls_key, opcua, parent, state, cpu, fifo, mlockall
+    del api, token, read_token, tokens, tls_cert, tls_key, opcua, parent, state, cpu, fifo, mlockall
     require_address_space(ENGINE)
     config = _overridden(context, read(file), context.params)
     check_impairments(config)
@@ -223,7 +229,7 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
 
 def _secret(config: FarmConfig) -> dict[str, str]:
     """The file's keys of the API beside its address."""
-    keys = ("token", "token_file", "read_token", "tls_cert", "tls_key")
+    keys = ("token", "token_file", "read_token", "tokens", "tls_cert", "tls_key")
     return {key: value for key in keys if (value := getattr(config.api, key, None)) is not None}
 
 

@@ -72,6 +72,13 @@ class Api(Section):
         description="Further bearer token, which may read and change nothing; with it, every client needs a token.",
     )
 
+    tokens: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4096,
+        description="File of further tokens with roles and times to expire (`pnfarm token`), relative to this file; "
+        "with it, every client needs a token, and none is generated.",
+    )
     tls_cert: str | None = Field(
         default=None,
         min_length=1,
@@ -110,8 +117,8 @@ class Api(Section):
 
     @property
     def needs_token(self) -> bool:
-        """Whether clients must show a token: beyond loopback, or where one may read only."""
-        return not self.is_loopback or self.read_token is not None
+        """Whether clients must show a token: beyond loopback, or where tokens differ in what they may do."""
+        return not self.is_loopback or self.read_token is not None or self.tokens is not None
 
     @property
     def host(self) -> str:
