@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
+    from pnfarm.api.access.audit import AuditLog
     from pnfarm.api.access.token_file import TokenFile
     from pnfarm.api.paths.drives import DriveHost
     from pnfarm.buses.bus import RouteHost
@@ -46,6 +47,7 @@ def make_app(
     token: str | None = None,
     read_token: str | None = None,
     tokens: TokenFile | None = None,
+    audit: AuditLog | None = None,
     wall: Callable[[], float] = time.time,
     collector: FarmCollector | None = None,
     states: SavedStates | None = None,
@@ -75,7 +77,7 @@ def make_app(
     )
     description = f"The virtual drives of farm {core.name}."
     keys = Keys(token, read_token, tokens, wall)
-    app = make_api(context, hosts, title="pnfarm", description=description, keys=keys)
+    app = make_api(context, hosts, title="pnfarm", description=description, keys=keys, audit=audit)
     app.state.views = views
     return app
 

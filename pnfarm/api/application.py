@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
 
+from pnfarm.api.access.audit import Audit
 from pnfarm.api.access.guard import Guard
 from pnfarm.api.access.rights import Rights
 from pnfarm.api.access.throttle import Throttle
@@ -30,6 +31,7 @@ from pnfarm.web.paths import Paths
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from pnfarm.api.access.audit import AuditLog
     from pnfarm.api.access.keys import Keys
     from pnfarm.api.paths.devices import StationsHost
     from pnfarm.api.paths.drives import DrivesHost
@@ -67,11 +69,13 @@ class Hosts:
     described: Mapping[str, Described] = field(default_factory=dict)
 
 
-def make_api(host: Host, hosts: Hosts, *, title: str, description: str, keys: Keys) -> FastAPI:
+def make_api(
+    host: Host, hosts: Hosts, *, title: str, description: str, keys: Keys, audit: AuditLog | None = None
+) -> FastAPI:
     """The application; its ``state.context`` is ``host``.
 
     With tokens in ``keys`` every client must show one, and may do what its role says; without, only requests for
-    loopback are answered.
+    loopback are answered.  ``audit`` gets a record of each request that changes something.
     """
     app = FastAPI(
         title=title,
@@ -104,6 +108,8 @@ def make_api(host: Host, hosts: Hosts, *, title: str, description: str, keys: Ke
     _describe_more(app)
     app.add_middleware(Changes, record=host.record)
     app.add_middleware(Rights)
+    if audit is not None:
+        app.add_middleware(Audit, log=audit)
     app.add_middleware(Guard, keys=keys)
     # outermost: a request above the limits is refused before its token is checked
     app.add_middleware(Throttle)

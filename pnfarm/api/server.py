@@ -11,6 +11,7 @@ import anyio
 import uvicorn
 from anyio import TASK_STATUS_IGNORED
 
+from pnfarm.api.access.audit import AuditLog, kept
 from pnfarm.api.access.connections import BACKLOG, Connections, connection_limit, protocol_of
 from pnfarm.api.access.tls import ServerTls, door_of
 from pnfarm.api.access.token import token_of
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.farm import Farm
     from pnfarm.farm.file.reading import FarmConfig
 
-__all__ = ["api_url", "listen", "serve", "serve_farm", "tls_of"]
+__all__ = ["api_url", "audit_of", "listen", "serve", "serve_farm", "tls_of"]
 
 #: Time that open requests get when the server stops.
 GRACE_SECONDS = 2
@@ -113,6 +114,18 @@ def tls_of(config: FarmConfig) -> ServerTls | None:
     return ServerTls(config.beside(section.tls_cert), config.beside(section.tls_key) if section.tls_key else None)
 
 
+def audit_of(config: FarmConfig) -> AuditLog | None:
+    """The audit log of a farm's API, None without one; the state folder has the note of its end.
+
+    Raises :class:`~pnfarm.errors.ConfigError` and :class:`EnvironmentError_`.
+    """
+    section = config.api
+    if section is None or section.audit is None:
+        return None
+    state = config.state_directory
+    return AuditLog(config.beside(section.audit), None if state is None else state / "audit-end.json")
+
+
 async def serve(
     app: FastAPI,
     host: str,
@@ -188,6 +201,7 @@ async def serve_farm(farm: Farm, *, task_status: TaskStatus[tuple[str, int]] = T
         return
     tls = tls_of(farm.config)
     token = token_of(farm.config)
+    audit = audit_of(farm.config)
     app = make_app(
         farm.core,
         now=farm.now,
@@ -195,6 +209,7 @@ async def serve_farm(farm: Farm, *, task_status: TaskStatus[tuple[str, int]] = T
         token=token.value,
         read_token=token.read,
         tokens=token.tokens,
+        audit=audit,
         states=farm.states,
     )
     token_place: dict[str, str] = {}
@@ -208,6 +223,7 @@ async def serve_farm(farm: Farm, *, task_status: TaskStatus[tuple[str, int]] = T
         task_status.started(address)
 
     try:
-        await _serve(app, listen(section.host, section.port), tls, up)
+        async with kept(audit, farm.core.name):
+            await _serve(app, listen(section.host, section.port), tls, up)
     finally:
         app.state.context.collector.close()

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI, Request
     from starlette.responses import Response
 
+    from pnfarm.api.access.audit import AuditLog
     from pnfarm.api.access.token_file import TokenFile
     from pnfarm.hub.hub import Hub
 
@@ -31,7 +32,12 @@ __all__ = ["make_hub_app"]
 
 
 def make_hub_app(
-    hub: Hub, *, token: str | None = None, read_token: str | None = None, tokens: TokenFile | None = None
+    hub: Hub,
+    *,
+    token: str | None = None,
+    read_token: str | None = None,
+    tokens: TokenFile | None = None,
+    audit: AuditLog | None = None,
 ) -> FastAPI:
     """The API of one hub; tokens as :class:`~pnfarm.api.access.keys.Keys` takes them."""
     drives, devices, faults = HubDrives(hub), HubDevices(hub), HubFaults(hub)
@@ -52,7 +58,7 @@ def make_hub_app(
     )
     description = "The virtual drives of several farms as of one."
     keys = Keys(token, read_token, tokens)
-    app = make_api(hub, hosts, title="pnfarm hub", description=description, keys=keys)
+    app = make_api(hub, hosts, title="pnfarm hub", description=description, keys=keys, audit=audit)
     app.state.views = views
     app.add_exception_handler(RefusedError, _refused)
     return app

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import stat
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import pytest
 from farm_flags import overridden
@@ -136,6 +137,9 @@ def test_a_certificate_of_the_command_line_is_where_the_user_is_and_one_of_the_f
     text = FARM % "{listen: '127.0.0.1:1', tls_cert: own.pem, tls_key: own.key, token: a-long-secret}"
     config = overridden(text, {"api": "0.0.0.0:2"})
     assert (config.api.tls_cert, config.api.tls_key, config.api.token) == ("own.pem", "own.key", "a-long-secret")
+    config = overridden(text, {"audit": Path("log"), "tokens": Path("tokens")})
+    assert (config.api.audit, config.api.tokens) == (str(tmp_path / "log"), str(tmp_path / "tokens"))
+    assert config.api.tls_cert == "own.pem"
     config = overridden(text, {"tls_cert": tmp_path.relative_to(tmp_path) / "x.pem"})
     assert config.api.tls_cert == str(tmp_path / "x.pem")
     with pytest.raises(FarmFileError, match="tls_key: is a key without"):

@@ -12,7 +12,7 @@ from pnfarm.api import make_app
 
 BASE = "http://127.0.0.1:8702"
 #: What ``make_app`` takes about who may do what.
-ACCESS = ("token", "read_token", "tokens", "wall")
+ACCESS = ("token", "read_token", "tokens", "audit", "wall")
 
 
 class Served:

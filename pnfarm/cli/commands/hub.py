@@ -13,6 +13,7 @@ from pnfarm.terminal.output import print_line
 from pnfarm.terminal.settings import setting, settings
 
 if TYPE_CHECKING:
+    from pnfarm.api.access.audit import AuditLog
     from pnfarm.api.access.tls import ServerTls
     from pnfarm.api.access.token_file import TokenFile
     from pnfarm.farm.file.sections import Api
@@ -66,6 +67,10 @@ def hub(
         Path | None,
         setting("--tokens", "PNFARM_HUB_TOKENS", "File of tokens with roles (`pnfarm token`).", metavar="FILE"),
     ] = None,
+    audit: Annotated[
+        Path | None,
+        setting("--audit", "PNFARM_HUB_AUDIT", "File of the audit log (`pnfarm audit`).", metavar="FILE"),
+    ] = None,
     tls_cert: Annotated[
         Path | None,
         setting(
@@ -104,12 +109,13 @@ def hub(
     """Serve the API of several farms as one, in the foreground until Ctrl-C (docs/hub.md).
 
     Options override environment variables: PNFARM_HUB_SHARD and PNFARM_HUB_DISCOVER (several values with spaces
-    between them), PNFARM_HUB_API, PNFARM_HUB_API_TOKEN, PNFARM_HUB_API_READ_TOKEN, PNFARM_HUB_TOKENS,
+    between them), PNFARM_HUB_API, PNFARM_HUB_API_TOKEN, PNFARM_HUB_API_READ_TOKEN, PNFARM_HUB_TOKENS, PNFARM_HUB_AUDIT,
     PNFARM_HUB_TLS_CERT, PNFARM_HUB_TLS_KEY, PNFARM_HUB_TLS_CA and PNFARM_HUB_SHARD_TOKEN; for the tokens also
     PNFARM_HUB_API_TOKEN_FILE, PNFARM_HUB_API_READ_TOKEN_FILE and PNFARM_HUB_SHARD_TOKEN_FILE.
     """
     import anyio
 
+    from pnfarm.api.access.audit import AuditLog
     from pnfarm.api.access.tls import ServerTls
     from pnfarm.api.access.token_file import TokenFile
     from pnfarm.hub.settings import api_of, name_of, url_of
@@ -124,9 +130,10 @@ def hub(
     if tls_key is not None and tls_cert is None:
         raise ConfigError("--tls-key is given without a certificate: add --tls-cert FILE")
     known = TokenFile(tokens) if tokens is not None else None
+    log = AuditLog(audit) if audit is not None else None
     tls = ServerTls(tls_cert, tls_key) if tls_cert is not None else None
     shards = _Shards(urls, names, shard_token or token_in("PNFARM_HUB_SHARD_TOKEN_FILE"), tls_ca)
-    anyio.run(_run, section, known, tls, shards)
+    anyio.run(_run, section, known, log, tls, shards)
 
 
 class _Shards(NamedTuple):
@@ -138,12 +145,15 @@ class _Shards(NamedTuple):
     ca: Path | None
 
 
-async def _run(section: Api, tokens: TokenFile | None, tls: ServerTls | None, shards: _Shards) -> None:
+async def _run(
+    section: Api, tokens: TokenFile | None, audit: AuditLog | None, tls: ServerTls | None, shards: _Shards
+) -> None:
     import secrets
 
     import anyio
 
     from pnfarm.api import api_url, serve
+    from pnfarm.api.access.audit import kept
     from pnfarm.cli.running import stop_on_signals
     from pnfarm.farm.events import ApiListening
     from pnfarm.farm.process.garbage import keep_what_is_loaded
@@ -152,8 +162,8 @@ async def _run(section: Api, tokens: TokenFile | None, tls: ServerTls | None, sh
 
     made = secrets.token_urlsafe(24) if section.needs_token and section.token is None and tokens is None else None
     hub = Hub(token=shards.token, ca=shards.ca)
-    app = make_hub_app(hub, token=section.token or made, read_token=section.read_token, tokens=tokens)
-    async with stop_on_signals() as running:
+    app = make_hub_app(hub, token=section.token or made, read_token=section.read_token, tokens=tokens, audit=audit)
+    async with stop_on_signals() as running, kept(audit, "hub"):
         with running:
             async with anyio.create_task_group() as tasks:
                 await tasks.start(run_hub, hub, shards.urls, shards.names, app.state.views)

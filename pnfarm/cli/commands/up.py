@@ -40,6 +40,7 @@ _SETTINGS: Mapping[str, tuple[str, str, str]] = {
     "token": ("api.token", "--api-token", "PNFARM_UP_API_TOKEN"),
     "read_token": ("api.read_token", "--api-read-token", "PNFARM_UP_API_READ_TOKEN"),
     "tokens": ("api.tokens", "--tokens", "PNFARM_UP_TOKENS"),
+    "audit": ("api.audit", "--audit", "PNFARM_UP_AUDIT"),
     "tls_cert": ("api.tls_cert", "--tls-cert", "PNFARM_UP_TLS_CERT"),
     "tls_key": ("api.tls_key", "--tls-key", "PNFARM_UP_TLS_KEY"),
     "opcua": ("opcua", "--opcua", "PNFARM_UP_OPCUA"),
@@ -72,6 +73,10 @@ def up(
     tokens: Annotated[
         Path | None,
         setting("--tokens", "PNFARM_UP_TOKENS", "File of tokens with roles (`pnfarm token`).", metavar="FILE"),
+    ] = None,
+    audit: Annotated[
+        Path | None,
+        setting("--audit", "PNFARM_UP_AUDIT", "File of the audit log (`pnfarm audit`).", metavar="FILE"),
     ] = None,
     tls_cert: Annotated[
         Path | None,
@@ -168,8 +173,8 @@ def up(
     """Run a farm in the foreground until Ctrl-C; its interfaces are always removed at the end.
 
     Options override environment variables, and these override the farm file: PNFARM_UP_API, PNFARM_UP_API_TOKEN,
-    PNFARM_UP_API_READ_TOKEN, PNFARM_UP_TOKENS, PNFARM_UP_TLS_CERT, PNFARM_UP_TLS_KEY, PNFARM_UP_OPCUA,
-    PNFARM_UP_LINK_PARENT, PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO and
+    PNFARM_UP_API_READ_TOKEN, PNFARM_UP_TOKENS, PNFARM_UP_AUDIT, PNFARM_UP_TLS_CERT, PNFARM_UP_TLS_KEY,
+    PNFARM_UP_OPCUA, PNFARM_UP_LINK_PARENT, PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO and
     PNFARM_UP_REALTIME_MLOCKALL; PNFARM_UP_SHARD is --shard, PNFARM_UP_RESTORE --restore.  For the capture options:
     PNFARM_UP_PCAP, PNFARM_UP_PCAP_DRIVES, PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and PNFARM_UP_PCAP_FILES; separate
     several values with spaces.
@@ -180,7 +185,7 @@ def up(
     from pnfarm.links.serial.eager_loop import LOOKING
 
     # they are read from the context
-    del api, token, read_token, tokens, tls_cert, tls_key, opcua, parent, state, cpu, fifo, mlockall
+    del api, token, read_token, tokens, audit, tls_cert, tls_key, opcua, parent, state, cpu, fifo, mlockall
     require_address_space(ENGINE)
     config = _overridden(context, read(file), context.params)
     check_impairments(config)
@@ -229,7 +234,7 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
 
 def _secret(config: FarmConfig) -> dict[str, str]:
     """The file's keys of the API beside its address."""
-    keys = ("token", "token_file", "read_token", "tokens", "tls_cert", "tls_key")
+    keys = ("token", "token_file", "read_token", "tokens", "audit", "tls_cert", "tls_key")
     return {key: value for key in keys if (value := getattr(config.api, key, None)) is not None}
 
 
@@ -240,7 +245,7 @@ def _bracketed(host: str) -> str:
 async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings | None, restore: str | None) -> None:
     import anyio
 
-    from pnfarm.api import api_url, serve_farm, tls_of
+    from pnfarm.api import api_url, audit_of, serve_farm, tls_of
     from pnfarm.api.access.token import token_of
     from pnfarm.api.server import listen
     from pnfarm.cli.running import compile_ahead, stop_on_signals
@@ -254,6 +259,9 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
 
     token_of(config)  # report a capture file that cannot be created before any interface is made
     secure = tls_of(config) is not None
+    if (audit := audit_of(config)) is not None:
+        # the farm opens it again when it serves
+        audit.release()
     farm = Farm(config, shard=shard, capture=capture)
     ControllerBeside(farm, log=EventLog())
     if (section := config.api) is not None:

@@ -79,6 +79,13 @@ class Api(Section):
         description="File of further tokens with roles and times to expire (`pnfarm token`), relative to this file; "
         "with it, every client needs a token, and none is generated.",
     )
+    audit: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4096,
+        description="File that gets a line for each request that changes something, relative to this file "
+        "(`pnfarm audit`).",
+    )
     tls_cert: str | None = Field(
         default=None,
         min_length=1,
