@@ -12,19 +12,23 @@ import anyio
 import anyio.lowlevel
 import httpx
 import pytest
+import structlog
 from api_world import ApiWorld
+from events import Something
 
 from pnfarm.api import serve
 from pnfarm.api.access import authority, connections, tls
 from pnfarm.api.access.authority import make_certificate
 from pnfarm.api.access.guard import COOKIE
 from pnfarm.api.access.tls import ServerTls
+from pnfarm.api.access.token_file import TokenFile, add_token, remove_tokens
 from pnfarm.errors import ConfigError, RemoteError
 from pnfarm.farm.process.open_files import open_files
 from pnfarm.hub import Hub
 from pnfarm.hub.settings import url_of
 from pnfarm.terminal.client import FarmClient
 from pnfarm.vocabulary.trust import client_context
+from pnfarm.web.roles import Role
 
 TOKEN = "a-long-secret"  # a test's, nobody's
 
@@ -327,3 +331,56 @@ def test_who_does_not_say_goodbye_gives_way_as_well(world, made, monkeypatch):
                 await stream.aclose()
 
     anyio.run(main)
+
+
+def test_a_client_that_does_not_read_by_tls_is_closed_as_any_other(world, made, monkeypatch):
+    monkeypatch.setattr(connections, "STALL_SECONDS", 0.3)
+    context = client_context(made.authority)
+
+    def opened(port):
+        plain = socket.create_connection(("127.0.0.1", port))
+        plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        secured = context.wrap_socket(plain, server_hostname="localhost")
+        secured.sendall(b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        return secured
+
+    async def main():
+        async with served(world, made) as port:
+            with await anyio.to_thread.run_sync(opened, port), anyio.fail_after(60):
+                while not world.context.streams:
+                    await anyio.lowlevel.checkpoint()
+                while world.context.streams:
+                    for number in range(200):
+                        world.line.log.record(number, "axis-01", Something("try", {"text": "x" * 400}))
+                    await anyio.sleep(0.01)
+
+    anyio.run(main)
+
+
+def test_a_stream_by_tls_ends_when_its_token_is_removed_and_the_log_has_no_error(made, tmp_path, caplog):
+    secret = add_token(tmp_path / "tokens", "wall", Role.READ, None)
+    world = ApiWorld(1, controller=False, tokens=TokenFile(tmp_path / "tokens"))
+
+    async def main():
+        async with (
+            served(world, made) as port,
+            httpx.AsyncClient(
+                base_url=f"https://localhost:{port}", verify=client_context(made.authority), trust_env=False
+            ) as client,
+            client.stream("GET", "/api/v1/events", headers={"Authorization": f"Bearer {secret}"}) as response,
+        ):
+            assert response.status_code == 200
+            pieces = response.aiter_bytes()
+            assert b"retry" in await anext(pieces)
+            remove_tokens(tmp_path / "tokens", ["wall"])
+            world.line.log.record(0, "axis-01", Something("after its end"))
+            rest = b""
+            with anyio.fail_after(60):
+                async for piece in pieces:
+                    rest += piece
+            assert b"after its end" not in rest
+
+    with structlog.testing.capture_logs() as logs:
+        anyio.run(main)
+    assert not [entry for entry in logs if entry["log_level"] == "error"]
+    assert not [record for record in caplog.records if record.levelname in {"WARNING", "ERROR"}]

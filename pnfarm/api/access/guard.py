@@ -9,6 +9,7 @@ header must name loopback (against DNS rebinding), and a request from another or
 
 from __future__ import annotations
 
+import contextlib
 import re
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
@@ -74,6 +75,10 @@ def _let_in(token: str, request: Request) -> Response:
     return response
 
 
+class _TokenEndedError(Exception):
+    """A response ended with its client's token: what makes it is to stop."""
+
+
 class Guard:
     """``keys`` without tokens: only requests to loopback are answered, and these may do everything.
 
@@ -94,7 +99,8 @@ class Guard:
         if refusal is not None:
             await refusal(scope, receive, send)
             return
-        await self._app(scope, receive, send if holder is None else self._while_good(holder, send))
+        with contextlib.suppress(_TokenEndedError):
+            await self._app(scope, receive, send if holder is None else self._while_good(holder, send))
 
     async def _judge(self, request: Request, holder: Holder | None) -> Response | None:
         origin = request.headers.get("origin")
@@ -143,7 +149,8 @@ class Guard:
 
         async def send_while_good(message: Message) -> None:
             if message["type"] == "http.response.body" and message.get("more_body") and not self._keys.is_good(holder):
-                raise OSError(_expired(holder))
+                await send({"type": "http.response.body", "body": b""})
+                raise _TokenEndedError
             await send(message)
 
         return send_while_good

@@ -28,6 +28,8 @@ __all__ = ["ServerTls", "TlsDoor", "door_of"]
 HANDSHAKE_SECONDS = 10.0
 #: For a client to say that it has seen the end.
 SHUTDOWN_SECONDS = 2.0
+#: Octets that wait for a client before the application does.
+WRITE_BUFFER = 65_536
 #: Octets of a certificate's file, with the chain, and of a key's.
 MOST = 262_144
 #: A certificate that ends sooner is reported at the start.
@@ -195,6 +197,8 @@ class TlsDoor(asyncio.Protocol):
             self.registry.gone(self)
         if tls is None or tls.is_closing():
             return
+        # as much as without TLS: what a client does not read waits with the farm no longer than that
+        tls.set_write_buffer_limits(high=WRITE_BUFFER)
         served = self.served(**self._server)
         tls.set_protocol(served)
         served.connection_made(tls)
