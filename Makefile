@@ -136,7 +136,7 @@ lock: | $(BIN)/python
 	$(PIP) --upgrade pip
 	$(PIP) --group lock
 	$(UV) pyproject.toml --group build --group docs --group lint --group test -o locks/ci.txt
-	$(UV) pyproject.toml --extra opcua --extra postgres -c locks/ci.txt -o locks/runtime.txt
+	$(UV) pyproject.toml --extra opcua --extra postgres --extra tls -c locks/ci.txt -o locks/runtime.txt
 	$(UV) --group build -c locks/ci.txt -o locks/build.txt
 	$(UV) --group release -c locks/ci.txt -o locks/release.txt
 	printf '%s\n' $(PEERS) | $(UV) --no-deps - -o locks/peers.txt

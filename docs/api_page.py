@@ -6,7 +6,9 @@ from typing import Any
 
 from sample_farm import sample_line
 
+from pnfarm.api.access.guard import OPEN_PATHS
 from pnfarm.api.app import make_app
+from pnfarm.web.paths import ROLE_KEY
 
 __all__ = ["page"]
 
@@ -52,8 +54,9 @@ def page() -> str:
         "         http://127.0.0.1:8702/api/v1/faults",
         "",
         "- **Errors** are `application/problem+json` (RFC 9457), with the sentence that the command line prints.",
-        "- **Token**: on loopback none is needed. Beyond it each request needs `Authorization: Bearer TOKEN`; with the",
-        "  `read_token` of the farm file, requests may only read (403 otherwise).",
+        "- **Token**: on loopback none is needed. Beyond it each request needs `Authorization: Bearer TOKEN`, with",
+        "  the role of the table or a higher one: read, inject, admin ([access.md](access.md)).",
+        "- **TLS**: with `tls_cert` in the farm file the API is at `https://` ([access.md](access.md)).",
         "- **Streams** (`events`, `live`) are server-sent events; `follow=false` answers once and ends. A client that",
         "  does not read loses old events, and does not slow the farm down.",
         "- **Conditions**: the signals of a device have an `ETag`; `If-Match` and `If-None-Match` use it",
@@ -62,12 +65,14 @@ def page() -> str:
         "",
         "A `?` marks optional arguments.",
         "",
-        "| method | path | takes | |",
-        "|---|---|---|---|",
+        "| method | path | role | takes | |",
+        "|---|---|---|---|---|",
     ]
     for path, operations in sorted(described["paths"].items()):
         for method in METHODS:
             if method in operations:
                 operation = operations[method]
-                lines.append(f"| {method.upper()} | `{path}` | {_arguments(operation)} | {_operation(operation)} |")
+                role = "" if path in OPEN_PATHS else operation[ROLE_KEY]
+                cells = (method.upper(), f"`{path}`", role, _arguments(operation), _operation(operation))
+                lines.append(f"| {' | '.join(cells)} |")
     return "\n".join([*lines, ""])

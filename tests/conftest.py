@@ -34,7 +34,7 @@ TESTS = Path(__file__).resolve().parent
 EXCLUSIVE = (
     "api/test_api_limits.py", "api/page/test_api_page.py", "api/page/test_api_page_devices.py",
     "api/page/test_api_page_plant.py",
-    "api/test_api_server.py", "buses/profibus/test_profibus_line.py",
+    "api/test_api_server.py", "api/test_api_tls.py", "buses/profibus/test_profibus_line.py",
     "cli/test_cli_attacked.py", "cli/test_cli_bench.py", "cli/test_cli_client.py", "cli/test_cli_demo.py",
     "cli/test_cli_log_limit.py", "cli/test_cli_memory.py", "cli/test_cli_run_library.py",
     "cli/test_cli_run_rigs.py", "cli/test_cli_running.py", "cli/test_cli_verify_wire.py",

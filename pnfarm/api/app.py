@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from pnfarm.api.access.keys import Keys
 from pnfarm.api.application import Hosts, make_api
 from pnfarm.api.context import ApiContext
 from pnfarm.api.hosts.devices import FarmDevices
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
+    from pnfarm.api.access.audit import AuditLog
+    from pnfarm.api.access.token_file import TokenFile
     from pnfarm.api.paths.drives import DriveHost
     from pnfarm.buses.bus import RouteHost
     from pnfarm.farm.core import FarmCore
@@ -43,13 +46,17 @@ def make_app(
     poke: Callable[[], None] = lambda: None,
     token: str | None = None,
     read_token: str | None = None,
+    tokens: TokenFile | None = None,
+    audit: AuditLog | None = None,
+    wall: Callable[[], float] = time.time,
     collector: FarmCollector | None = None,
     states: SavedStates | None = None,
 ) -> FastAPI:
-    """The API of one farm; tokens as :func:`~pnfarm.api.application.make_api` takes them.
+    """The API of one farm; tokens as :class:`~pnfarm.api.access.keys.Keys` takes them.
 
     ``now`` is the farm's clock and ``poke`` what makes its runtime look at a change
-    (:meth:`~pnfarm.farm.realtime.RealTimeDriver.poke`).  ``states``: its saved states, None without a folder for them.
+    (:meth:`~pnfarm.farm.realtime.RealTimeDriver.poke`); ``wall`` is the time by which tokens expire, seconds since
+    1970.  ``states``: its saved states, None without a folder for them.
     """
     context = ApiContext(core=core, collector=collector or FarmCollector(core), now=now, poke=poke)
     drives = FarmDrives(context)
@@ -69,7 +76,8 @@ def make_app(
         plant=FarmPlant(context),
     )
     description = f"The virtual drives of farm {core.name}."
-    app = make_api(context, hosts, title="pnfarm", description=description, token=token, read_token=read_token)
+    keys = Keys(token, read_token, tokens, wall)
+    app = make_api(context, hosts, title="pnfarm", description=description, keys=keys, audit=audit)
     app.state.views = views
     return app
 

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
 
+from pnfarm.api.access.audit import Audit
 from pnfarm.api.access.guard import Guard
+from pnfarm.api.access.rights import Rights
 from pnfarm.api.access.throttle import Throttle
 from pnfarm.api.changes import Changes
 from pnfarm.api.page import add_page
@@ -29,6 +31,8 @@ from pnfarm.web.paths import Paths
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from pnfarm.api.access.audit import AuditLog
+    from pnfarm.api.access.keys import Keys
     from pnfarm.api.paths.devices import StationsHost
     from pnfarm.api.paths.drives import DrivesHost
     from pnfarm.api.paths.farm import FarmHost
@@ -66,12 +70,12 @@ class Hosts:
 
 
 def make_api(
-    host: Host, hosts: Hosts, *, title: str, description: str, token: str | None, read_token: str | None
+    host: Host, hosts: Hosts, *, title: str, description: str, keys: Keys, audit: AuditLog | None = None
 ) -> FastAPI:
     """The application; its ``state.context`` is ``host``.
 
-    With ``token`` every client must show it, or ``read_token``, with which it may change nothing; without, only
-    requests for loopback are answered.
+    With tokens in ``keys`` every client must show one, and may do what its role says; without, only requests for
+    loopback are answered.  ``audit`` gets a record of each request that changes something.
     """
     app = FastAPI(
         title=title,
@@ -103,7 +107,10 @@ def make_api(
     add_page(app)
     _describe_more(app)
     app.add_middleware(Changes, record=host.record)
-    app.add_middleware(Guard, token=token, read_token=read_token)
+    app.add_middleware(Rights)
+    if audit is not None:
+        app.add_middleware(Audit, log=audit)
+    app.add_middleware(Guard, keys=keys)
     # outermost: a request above the limits is refused before its token is checked
     app.add_middleware(Throttle)
     return app

@@ -37,7 +37,7 @@ _TOLD = "pnfarm.told"
 
 @dataclass(frozen=True, slots=True)
 class _Change(Event):
-    """``who``: ``token``, or ``loopback`` where none is needed; ``peer`` is the client's address."""
+    """``who``: the token's name, or ``loopback`` where none is needed; ``peer`` is the client's address."""
 
     who: str
     peer: str

@@ -24,7 +24,7 @@ from weakref import WeakValueDictionary
 
 import anyio
 
-from pnfarm.api.access.guard import WHO
+from pnfarm.api.access.guard import ROLE
 from pnfarm.api.events import ALIVE_SECONDS
 from pnfarm.api.followed import Followed
 from pnfarm.api.messages import message
@@ -32,6 +32,7 @@ from pnfarm.farm.views.overview import Overview
 from pnfarm.farm.views.signal_changes import SignalChanges
 from pnfarm.links.base import interface_below
 from pnfarm.trace.live import LiveSignals, LiveViewer
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator, AsyncIterator, Iterable, Iterator, Mapping
@@ -138,7 +139,9 @@ class LiveViews:
             self._overview = Overview(context.core, context.now)
         viewer = None if station is None else LiveViewer(self._signals, station)
         followed = Followed([(name, self._changes_of(name, one)) for name, one in (devices or {}).items()], context.tag)
-        page = _FarmPage(context, self._overview, scope.get(WHO) != "read_token", station, viewer, followed)
+        page = _FarmPage(
+            context, self._overview, scope.get(ROLE, Role.READ).covers(Role.INJECT), station, viewer, followed
+        )
         return page_stream(context, context.core.log if overview else None, page, follow=follow)
 
     def _changes_of(self, name: str, signals: NamedSignals) -> SignalChanges:

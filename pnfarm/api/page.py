@@ -19,6 +19,8 @@ from fastapi import Header
 from starlette.responses import Response
 
 from pnfarm.web.errors import NotFoundError
+from pnfarm.web.paths import ROLE_KEY
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -101,11 +103,13 @@ def _answer(file: PageFile, known: str | None, headers: Mapping[str, str] | None
 def add_page(app: FastAPI) -> None:
     """``/`` and the files that it loads."""
 
-    @app.get("/", include_in_schema=False)
+    reads = {ROLE_KEY: Role.READ.value}
+
+    @app.get("/", include_in_schema=False, openapi_extra=reads)
     async def page(if_none_match: Annotated[str | None, Header()] = None) -> Response:
         return _answer(page_files()[INDEX], if_none_match, {"Content-Security-Policy": policy()})
 
-    @app.get(ASSETS + "{path:path}", include_in_schema=False)
+    @app.get(ASSETS + "{path:path}", include_in_schema=False, openapi_extra=reads)
     async def asset(path: str, if_none_match: Annotated[str | None, Header()] = None) -> Response:
         file = page_files().get(path)
         if file is None or path == INDEX:

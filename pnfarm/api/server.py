@@ -11,7 +11,9 @@ import anyio
 import uvicorn
 from anyio import TASK_STATUS_IGNORED
 
+from pnfarm.api.access.audit import AuditLog, kept
 from pnfarm.api.access.connections import BACKLOG, Connections, ListeningSocket, connection_limit, protocol_of
+from pnfarm.api.access.tls import ServerTls, door_of
 from pnfarm.api.access.token import token_of
 from pnfarm.api.app import make_app
 from pnfarm.api.problems import REPORTED
@@ -26,8 +28,9 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp, Receive, Scope, Send
 
     from pnfarm.farm.farm import Farm
+    from pnfarm.farm.file.reading import FarmConfig
 
-__all__ = ["listen", "serve", "serve_farm"]
+__all__ = ["api_url", "audit_of", "listen", "serve", "serve_farm", "tls_of"]
 
 #: Time that open requests get when the server stops.
 GRACE_SECONDS = 2
@@ -98,21 +101,54 @@ def listen(host: str, port: int, *, what: str = "the API", key: str = "api") -> 
     return found
 
 
+def api_url(host: str, port: int, *, secure: bool) -> str:
+    """The address of an API as clients write it."""
+    return f"{'https' if secure else 'http'}://{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def tls_of(config: FarmConfig) -> ServerTls | None:
+    """The certificate of a farm's API, None without one.  Raises :class:`~pnfarm.errors.ConfigError`."""
+    section = config.api
+    if section is None or section.tls_cert is None:
+        return None
+    return ServerTls(config.beside(section.tls_cert), config.beside(section.tls_key) if section.tls_key else None)
+
+
+def audit_of(config: FarmConfig) -> AuditLog | None:
+    """The audit log of a farm's API, None without one; the state folder has the note of its end.
+
+    Raises :class:`~pnfarm.errors.ConfigError` and :class:`EnvironmentError_`.
+    """
+    section = config.api
+    if section is None or section.audit is None:
+        return None
+    state = config.state_directory
+    return AuditLog(config.beside(section.audit), None if state is None else state / "audit-end.json")
+
+
 async def serve(
-    app: FastAPI, host: str, port: int, *, task_status: TaskStatus[tuple[str, int]] = TASK_STATUS_IGNORED
+    app: FastAPI,
+    host: str,
+    port: int,
+    *,
+    tls: ServerTls | None = None,
+    task_status: TaskStatus[tuple[str, int]] = TASK_STATUS_IGNORED,
 ) -> None:
     """Serve ``app`` until cancelled; started with the address and port that it has (port 0 takes a free one).
 
     Leaving ends every event stream and lets requests finish.  Raises :class:`EnvironmentError_`.
     """
-    await _serve(app, listen(host, port), task_status.started)
+    await _serve(app, listen(host, port), tls, task_status.started)
 
 
-async def _serve(app: FastAPI, found: socket.socket, up: Callable[[tuple[str, int]], None]) -> None:
+async def _serve(
+    app: FastAPI, found: socket.socket, tls: ServerTls | None, up: Callable[[tuple[str, int]], None]
+) -> None:
     connections = Connections(connection_limit())
+    served = protocol_of(connections)
     config = uvicorn.Config(
         Contained(app),
-        http=protocol_of(connections),
+        http=served if tls is None else door_of(connections, tls, served),
         backlog=BACKLOG,
         h11_max_incomplete_event_size=MAX_HEAD,
         log_config=None,
@@ -141,6 +177,7 @@ async def _serve(app: FastAPI, found: socket.socket, up: Callable[[tuple[str, in
                 await stopped.wait()
             finally:
                 app.state.context.close()
+                connections.stop()
                 server.should_exit = True
     finally:
         found.close()
@@ -162,13 +199,17 @@ async def serve_farm(farm: Farm, *, task_status: TaskStatus[tuple[str, int]] = T
     if section is None:
         task_status.started(("", 0))
         return
+    tls = tls_of(farm.config)
     token = token_of(farm.config)
+    audit = audit_of(farm.config)
     app = make_app(
         farm.core,
         now=farm.now,
         poke=farm.driver.poke,
         token=token.value,
         read_token=token.read,
+        tokens=token.tokens,
+        audit=audit,
         states=farm.states,
     )
     token_place: dict[str, str] = {}
@@ -178,12 +219,11 @@ async def serve_farm(farm: Farm, *, task_status: TaskStatus[tuple[str, int]] = T
         token_place["token"] = token.in_log
 
     def up(address: tuple[str, int]) -> None:
-        host, port = address
-        url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-        farm.log.record(farm.now(), "", ApiListening(url, **token_place))
+        farm.log.record(farm.now(), "", ApiListening(api_url(*address, secure=tls is not None), **token_place))
         task_status.started(address)
 
     try:
-        await _serve(app, listen(section.host, section.port), up)
+        async with kept(audit, farm.core.name):
+            await _serve(app, listen(section.host, section.port), tls, up)
     finally:
         app.state.context.collector.close()

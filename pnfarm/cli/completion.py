@@ -97,7 +97,9 @@ def _listed(path: str, word: str, kind: str) -> Words:
 
 def _of_farm(ctx: typer.Context, incomplete: str, words: Words) -> list[tuple[str, str]]:
     try:
-        with client.FarmClient(ctx.params.get("api") or DEFAULT_URL, ctx.params.get("token")) as farm:
+        with client.FarmClient(
+            ctx.params.get("api") or DEFAULT_URL, ctx.params.get("token"), ctx.params.get("tls_ca")
+        ) as farm:
             found = list(words(farm))
     except PnfarmError:
         # a shell that completes has no place for a message

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pnfarm.buses import registry
+from pnfarm.cli.access import audit, tls, token
 from pnfarm.cli.commands import (
     bench,
     decode,
@@ -53,6 +54,9 @@ COMMANDS = (
     Command("up", Panel.FARM, up.up),
     Command("down", Panel.FARM, up.down),
     Command("hub", Panel.FARM, hub.hub),
+    Command("audit", Panel.FARM, audit.app),
+    Command("token", Panel.FARM, token.app),
+    Command("tls", Panel.FARM, tls.app),
     Command("import", Panel.FARM, importing.importing),
     Command("validate", Panel.FARM, validate.validate),
     Command("plant", Panel.FARM, plant.plant),

@@ -10,6 +10,7 @@ from pnfarm.terminal import client
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from pnfarm.cli.run_progress import Progress
     from pnfarm.scenario.definition.file import Scenario
@@ -23,11 +24,11 @@ PATIENCE_SECONDS = 5.0
 
 
 def run_remote(
-    scenario: Scenario, token: str | None, progress: Progress, interrupted: Callable[[], str]
+    scenario: Scenario, token: str | None, tls_ca: Path | None, progress: Progress, interrupted: Callable[[], str]
 ) -> tuple[dict[str, Any], Exception | None]:
     """The record, and what failed before the scenario was over, if anything did.  Raises :class:`PnfarmError`."""
     assert scenario.farm is not None
-    with client.FarmClient(scenario.farm, token) as farm:
+    with client.FarmClient(scenario.farm, token, tls_ca) as farm:
         return _Remote(scenario, farm, progress, interrupted).run()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.api.access.keys import Keys
 from pnfarm.api.application import Hosts, make_api
 from pnfarm.api.problems import problem
 from pnfarm.hub.described import DESCRIBED
@@ -23,13 +24,22 @@ if TYPE_CHECKING:
     from fastapi import FastAPI, Request
     from starlette.responses import Response
 
+    from pnfarm.api.access.audit import AuditLog
+    from pnfarm.api.access.token_file import TokenFile
     from pnfarm.hub.hub import Hub
 
 __all__ = ["make_hub_app"]
 
 
-def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None = None) -> FastAPI:
-    """The API of one hub; tokens as :func:`~pnfarm.api.application.make_api` takes them."""
+def make_hub_app(
+    hub: Hub,
+    *,
+    token: str | None = None,
+    read_token: str | None = None,
+    tokens: TokenFile | None = None,
+    audit: AuditLog | None = None,
+) -> FastAPI:
+    """The API of one hub; tokens as :class:`~pnfarm.api.access.keys.Keys` takes them."""
     drives, devices, faults = HubDrives(hub), HubDevices(hub), HubFaults(hub)
     views = HubLive(hub)
     hosts = Hosts(
@@ -47,7 +57,8 @@ def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None =
         described=DESCRIBED,
     )
     description = "The virtual drives of several farms as of one."
-    app = make_api(hub, hosts, title="pnfarm hub", description=description, token=token, read_token=read_token)
+    keys = Keys(token, read_token, tokens)
+    app = make_api(hub, hosts, title="pnfarm hub", description=description, keys=keys, audit=audit)
     app.state.views = views
     app.add_exception_handler(RefusedError, _refused)
     return app

@@ -12,8 +12,10 @@ import httpx
 
 from pnfarm.hub.shards import AwayError
 from pnfarm.hub.states import ShardEvent
+from pnfarm.vocabulary.trust import why_untrusted
 
 if TYPE_CHECKING:
+    import ssl
     from collections.abc import AsyncIterator, Mapping
 
 __all__ = ["REQUEST_SECONDS", "Answer", "ShardClient"]
@@ -55,17 +57,31 @@ class Answer:
 
 
 class ShardClient:
-    """Of one shard.  ``transport`` is for tests; raises :class:`AwayError` for whatever is no answer of a farm."""
+    """Of one shard.  ``transport`` is for tests; raises :class:`AwayError` for whatever is no answer of a farm.
 
-    def __init__(self, url: str, token: str | None, transport: httpx.AsyncBaseTransport | None = None) -> None:
+    With https, ``trust`` checks its certificate, None by the system's authorities, and the certificate must be for
+    ``server_name``, None for the URL's host.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        token: str | None,
+        transport: httpx.AsyncBaseTransport | None = None,
+        *,
+        trust: ssl.SSLContext | None = None,
+        server_name: str | None = None,
+    ) -> None:
         headers = {"Accept-Encoding": "identity"} | ({"Authorization": f"Bearer {token}"} if token else {})
         self._label = url.partition("://")[2]
+        self._extensions = {"sni_hostname": server_name} if server_name and url.startswith("https:") else {}
         # shards are on the local network: the environment's proxies are not for them
         self._client = httpx.AsyncClient(
             base_url=url,
             headers=headers,
             timeout=None,  # noqa: S113 - each request has a bound for all of it
             trust_env=False,
+            verify=True if trust is None else trust,
             follow_redirects=False,
             transport=transport,
             limits=httpx.Limits(max_connections=MOST_CONNECTIONS, max_keepalive_connections=8, keepalive_expiry=5.0),
@@ -91,7 +107,9 @@ class ShardClient:
         params = query if not isinstance(query, str) else None
         try:
             with anyio.fail_after(seconds):
-                request = self._client.build_request(method, url, content=content, headers=sent, params=params)
+                request = self._client.build_request(
+                    method, url, content=content, headers=sent, params=params, extensions=self._extensions
+                )
                 response = await self._client.send(request, stream=True)
                 try:
                     return await self._read(response)
@@ -117,6 +135,8 @@ class ShardClient:
     def _failed(self, exc: httpx.HTTPError) -> AwayError:
         if isinstance(exc, httpx.TimeoutException):
             return AwayError(f"{self._label} gave no answer in time", ShardEvent.MISSED, "timeout")
+        if (why := why_untrusted(exc)) is not None:
+            return AwayError(f"{self._label} is not asked: {why}", slug="untrusted")
         if isinstance(exc, httpx.ConnectError):
             return AwayError(f"{self._label} refuses the connection: no program listens there", slug="refused")
         if isinstance(exc, httpx.RemoteProtocolError):
@@ -128,7 +148,7 @@ class ShardClient:
     ) -> AsyncIterator[tuple[str, dict[str, Any]]]:
         """The messages of an event stream, as (event, data), until the shard ends it."""
         headers = {"Accept": "text/event-stream"} | ({"Last-Event-ID": last} if last is not None else {})
-        request = self._client.build_request("GET", path, headers=headers, params=query)
+        request = self._client.build_request("GET", path, headers=headers, params=query, extensions=self._extensions)
         try:
             with anyio.fail_after(REQUEST_SECONDS):
                 response = await self._client.send(request, stream=True)

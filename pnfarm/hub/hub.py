@@ -24,10 +24,12 @@ from pnfarm.hub.log import MergedLog
 from pnfarm.hub.shards import AwayError, Shard, Shards
 from pnfarm.hub.states import ShardEvent
 from pnfarm.version import __version__
+from pnfarm.vocabulary.trust import client_context
 from pnfarm.web.bodies import PREFIX
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Iterable, Mapping
+    from pathlib import Path
 
     import httpx
 
@@ -96,12 +98,17 @@ class Answers(Generic[_T]):
 
 
 class Hub(Context):
-    """``now`` is the hub's clock, ns.  For tests: what a shard is reached by, and how long an answer may take."""
+    """``ca``: the authority of the shards' certificates.  ``now`` is the hub's clock, ns.
+
+    For tests: what a shard is reached by, and how long an answer may take.  Raises :class:`ConfigError` for a file
+    that is no authority's.
+    """
 
     def __init__(
         self,
         *,
         token: str | None = None,
+        ca: Path | None = None,
         now: Callable[[], int] = time.monotonic_ns,
         wall: Callable[[], float] = time.time,
         sleep: Callable[[float], Awaitable[None]] = anyio.sleep,
@@ -120,7 +127,10 @@ class Hub(Context):
         self.undoing: set[asyncio.Task[None]] = set()
         #: What is wrong with names that are asked for, by name.
         self.discovery: dict[str, str] = {}
+        #: By URL, the name that a shard was discovered by.
+        self.server_names: dict[str, str] = {}
         self._token = token
+        self._trust = client_context(ca) if ca is not None else None
         self._transport = transport
         self._request_seconds = request_seconds
         self._clients: dict[str, ShardClient] = {}
@@ -130,11 +140,20 @@ class Hub(Context):
     def client(self, shard: Shard) -> ShardClient:
         if shard.url not in self._clients:
             transport = self._transport(shard.url) if self._transport is not None else None
-            self._clients[shard.url] = ShardClient(shard.url, self._token, transport)
+            name = self.server_names.get(shard.url)
+            self._clients[shard.url] = ShardClient(
+                shard.url, self._token, transport, trust=self._trust, server_name=name
+            )
         return self._clients[shard.url]
+
+    @property
+    def is_secure(self) -> bool:
+        """Whether it asks shards whose scheme nobody gave by TLS."""
+        return self._trust is not None
 
     async def drop(self, shard: Shard) -> None:
         """A shard that is no longer known."""
+        self.server_names.pop(shard.url, None)
         if (found := self._clients.pop(shard.url, None)) is not None:
             await found.close()
 

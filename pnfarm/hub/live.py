@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import anyio
 
-from pnfarm.api.access.guard import WHO
+from pnfarm.api.access.guard import ROLE
 from pnfarm.api.live import page_stream
 from pnfarm.api.messages import message
 from pnfarm.drives.catalogue import model as model_by_name
@@ -22,6 +22,7 @@ from pnfarm.hub.overview import HubOverview
 from pnfarm.hub.relay import Relay
 from pnfarm.hub.shards import AwayError
 from pnfarm.web.bodies import PREFIX
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
@@ -102,7 +103,7 @@ class HubLive:
             elif chosen.drive is not None or chosen.devices:
                 # of this page alone; it ends with its stream
                 task = asyncio.get_running_loop().create_task(relay.run())
-            page = _HubPage(self._hub, self._overview, scope.get(WHO) != "read_token", relay)
+            page = _HubPage(self._hub, self._overview, scope.get(ROLE, Role.READ).covers(Role.INJECT), relay)
             log = self._hub.log if chosen.overview else None
             async with aclosing(page_stream(self._hub, log, page, follow=chosen.follow)) as parts:
                 async for part in parts:

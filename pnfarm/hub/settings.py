@@ -19,14 +19,17 @@ _NAME = re.compile(r"([A-Za-z0-9](?:[A-Za-z0-9._-]{0,251}[A-Za-z0-9])?):([0-9]{1
 PORT = 8702
 
 
-def url_of(text: str) -> str:
-    """A shard's address as a URL without a path.  Raises :class:`ConfigError`."""
+def url_of(text: str, *, secure: bool = False) -> str:
+    """A shard's address as a URL without a path; ``secure``: https where it has no scheme.
+
+    Raises :class:`ConfigError`.
+    """
     found = _URL.fullmatch(text.strip())
     scheme, host, port = found.groups() if found is not None else ("", "", "")
     number = int(port) if port else PORT
     if found is None or not 0 < number < 65536:
         raise ConfigError(f"--shard {text!r} is not the address of a farm; give a URL such as http://10.0.0.3:8702")
-    return f"{scheme or 'http'}://{host.lower()}:{number}"
+    return f"{scheme or ('https' if secure else 'http')}://{host.lower()}:{number}"
 
 
 def name_of(text: str) -> tuple[str, int]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import anyio
 from anyio import TASK_STATUS_IGNORED
 
+from pnfarm.api.server import api_url
 from pnfarm.hub.shard_events import DrivesClaimedTwice, ShardForgotten, ShardLost, ShardReturned
 from pnfarm.hub.shards import AwayError
 from pnfarm.vocabulary.quoting import shortened
@@ -99,7 +100,9 @@ async def discover(hub: Hub, name: str, port: int, found: dict[str, list[str]]) 
     else:
         hub.discovery[where] = ""
     hosts = dict.fromkeys(str(address[4][0]) for address in answer)
-    found[where] = [f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}" for host in hosts]
+    found[where] = [api_url(host, port, secure=hub.is_secure) for host in hosts]
+    # a certificate is for the name, not for the addresses that it has today
+    hub.server_names.update(dict.fromkeys(found[where], name))
     hub.shards.found([url for urls in found.values() for url in urls], hub.now())
 
 

@@ -79,9 +79,13 @@ class Farm(FarmFace[Drive, Device]):
         return cls(config, virtual=virtual, shard=_shard(shard))
 
     @staticmethod
-    def connect(url: str, *, token: str | None = None) -> RemoteFarm:
-        """A farm that runs already, by its API: ``Farm.connect("http://127.0.0.1:8702")``."""
-        return RemoteFarm(url, token=token)
+    def connect(url: str, *, token: str | None = None, tls_ca: str | Path | None = None) -> RemoteFarm:
+        """A farm that runs already, by its API: ``Farm.connect("http://127.0.0.1:8702")``.
+
+        ``tls_ca``: the file of the authority of a farm at https; left out, the one that PNFARM_TLS_CA names, or the
+        system's.  Raises :class:`ConfigError`.
+        """
+        return RemoteFarm(url, token=token, tls_ca=tls_ca)
 
     # -- start and end
 

@@ -49,10 +49,10 @@ ASK_SECONDS = 0.02
 class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
     """``async with`` connects; at its end the faults that were injected here, and are still in force, are cleared."""
 
-    def __init__(self, url: str, *, token: str | None = None) -> None:
+    def __init__(self, url: str, *, token: str | None = None, tls_ca: str | Path | None = None) -> None:
         super().__init__()
         self.url = url
-        self._client = FarmClient(url, token)
+        self._client = FarmClient(url, token, tls_ca)
         self._faults: dict[str, _RemoteFault] = {}
 
     async def ask(self, method: Callable[..., Any], *path: str, **options: Any) -> Any:

@@ -17,7 +17,7 @@ from pnfarm.scenario.run import ScenarioRun
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine, Mapping, Sequence
+    from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
 
     from pnfarm.drives.description.model import Model
     from pnfarm.farm.core import FarmCore
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pnfarm.scenario.flow import Flow
     from pnfarm.signals.signal import Signal
 
-__all__ = ["KeptScenarios", "RunningScenario", "RunningScenarios"]
+__all__ = ["BarredStepError", "KeptScenarios", "RunningScenario", "RunningScenarios"]
 
 #: Scenarios at work at once, and those kept altogether.
 MOST_AT_WORK = 4
@@ -71,6 +71,10 @@ class RunningScenario:
         return {"id": self.id, **self.run.record.summary()}
 
 
+class BarredStepError(ConfigError):
+    """A scenario has a step that the one who starts it may not take."""
+
+
 class KeptScenarios(ABC):
     """What is carried out, by a farm or by a hub: ``now`` is its clock."""
 
@@ -99,12 +103,23 @@ class KeptScenarios(ABC):
     def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
         """A run, and what carries it out."""
 
-    def start(self, text: str, variables: Mapping[str, Any] | None = None, *, part: bool = False) -> RunningScenario:
+    def start(
+        self,
+        text: str,
+        variables: Mapping[str, Any] | None = None,
+        *,
+        part: bool = False,
+        barred: Collection[str] = (),
+    ) -> RunningScenario:
         """Check a scenario against the drives and begin it.  Raises :class:`ConfigError`.
 
-        ``part``: of one that a hub carries out on several farms: it makes no traces, and is not listed.
+        ``part``: of one that a hub carries out on several farms: it makes no traces, and is not listed.  ``barred``:
+        kinds of steps that it must not have (:class:`BarredStepError`).
         """
         scenario = parse_scenario(text, variables=variables)
+        for step in scenario.every_step():
+            if step.kind in barred:
+                raise BarredStepError(f"line {step.line}: who starts this scenario may not `{step.kind}`")
         if scenario.overrides:
             raise ConfigError(f"with: sets keys of a farm file, and {self.RUNNING} already; leave it out")
         binding = bind_scenario(scenario, self._drives(), fault_kinds(), self._devices(), self._models())

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote
 
 from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError, RemoteError
+from pnfarm.vocabulary.trust import CA_VARIABLE, client_context, why_untrusted
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -32,11 +33,11 @@ class FarmError(PnfarmError):
     exit_code = 5
 
 
-def _base(address: str) -> str:
-    """``HOST:PORT`` or a URL, as the URL of the API."""
+def _base(address: str, *, secure: bool = False) -> str:
+    """``HOST:PORT`` or a URL, as the URL of the API; ``secure``: https where there is no scheme."""
     url = address.strip().rstrip("/")
     if "://" not in url:
-        url = f"http://{url}"
+        url = f"{'https' if secure else 'http'}://{url}"
     scheme, _, rest = url.partition("://")
     if scheme not in {"http", "https"} or not rest or "/" in rest.removesuffix("/api/v1"):
         raise ConfigError(f"{address!r} is not the address of a farm; give --api a URL such as http://127.0.0.1:8702")
@@ -56,18 +57,24 @@ def token_in(variable: str = FILE_VARIABLE) -> str | None:
 
 
 class FarmClient:
-    """A context manager.  ``address`` is a URL or HOST:PORT; paths are relative to ``/api/v1``."""
+    """A context manager.  ``address`` is a URL or HOST:PORT; paths are relative to ``/api/v1``.
 
-    def __init__(self, address: str, token: str | None = None) -> None:
+    ``tls_ca`` is the file of the authority of a farm at https, and makes https the scheme of HOST:PORT; left out,
+    the one that PNFARM_TLS_CA names, or the system's authorities.
+    """
+
+    def __init__(self, address: str, token: str | None = None, tls_ca: str | Path | None = None) -> None:
         import httpx
 
         self.address = address
         token = token or token_in()
+        url = _base(address, secure=bool(tls_ca or os.environ.get(CA_VARIABLE)))
+        trust = client_context(tls_ca) if url.startswith("https:") else True
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         try:
             # a farm is on the local network: do not use the environment's proxies
             self._client = httpx.Client(
-                base_url=_base(address), headers=headers, timeout=TIMEOUT_SECONDS, trust_env=False
+                base_url=url, headers=headers, timeout=TIMEOUT_SECONDS, trust_env=False, verify=trust
             )
         except (httpx.InvalidURL, UnicodeError) as exc:
             raise ConfigError(f"{address!r} is not the address of a farm ({exc}); give --api a URL") from exc
@@ -176,7 +183,10 @@ class FarmClient:
         if response.status_code >= 500:
             raise FarmError(f"{detail} (the farm at {self.address})")
         if response.status_code == 401:
-            raise ConfigError("the farm needs its token: give --token, PNFARM_TOKEN or PNFARM_TOKEN_FILE")
+            hint = "give --token, PNFARM_TOKEN or PNFARM_TOKEN_FILE"
+            # of a token that it knows, the farm says what is wrong with it
+            is_known = "invalid_token" in response.headers.get("www-authenticate", "")
+            raise ConfigError(f"{detail}: {hint}" if is_known else f"the farm needs its token: {hint}")
         raise ConfigError(detail)
 
     def _not_a_farm(self) -> RemoteError:
@@ -185,6 +195,8 @@ class FarmClient:
     def _unreachable(self, exc: httpx.HTTPError) -> PnfarmError:
         import httpx
 
+        if (why := why_untrusted(exc)) is not None:
+            return ConfigError(f"the farm at {self.address} is not asked: {why}")
         if isinstance(exc, httpx.ConnectError):
             return EnvironmentError_(
                 f"no farm answers at {self.address}: start one with `pnfarm up FILE`, or give its address with --api"
@@ -193,7 +205,10 @@ class FarmClient:
             return RemoteError(f"the farm at {self.address} gave no answer within {TIMEOUT_SECONDS:g} s")
         if isinstance(exc, httpx.UnsupportedProtocol):
             return ConfigError(f"{self.address!r} is not the address of a farm; give --api a URL")
-        return RemoteError(f"the connection to the farm at {self.address} failed: {exc}")
+        hint = (
+            "" if str(self._client.base_url).startswith("https:") else "; if it speaks TLS, give its https:// address"
+        )
+        return RemoteError(f"the connection to the farm at {self.address} failed: {exc}{hint}")
 
 
 def _joined(path: tuple[str, ...]) -> str:

@@ -20,6 +20,7 @@ __all__ = [
     "LogLevel",
     "Settings",
     "ShardOption",
+    "TlsCaOption",
     "TokenOption",
     "help_without_command",
     "setting",
@@ -98,6 +99,14 @@ TokenOption = Annotated[
         "--token",
         help="Bearer token of the API, if it needs one; or set PNFARM_TOKEN_FILE to a file that holds it.",
         envvar="PNFARM_TOKEN",
+    ),
+]
+TlsCaOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--tls-ca",
+        help="Authority of the farm's certificate, PEM, for an address with https://; or set PNFARM_TLS_CA.",
+        metavar="FILE",
     ),
 ]
 

@@ -41,10 +41,11 @@ class Rig(BlockingFace["RigDrive"]):
     Raises the errors of :mod:`pnfarm.errors`.
     """
 
-    def __init__(self, where: str | Path, *, token: str | None = None) -> None:
+    def __init__(self, where: str | Path, *, token: str | None = None, tls_ca: str | Path | None = None) -> None:
         self.where = str(where)
         self._farm: Farm | RemoteFarm
-        self._farm = Farm.connect(self.where, token=token) if "://" in self.where else Farm.from_file(where)
+        is_remote = "://" in self.where
+        self._farm = Farm.connect(self.where, token=token, tls_ca=tls_ca) if is_remote else Farm.from_file(where)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
 

@@ -15,7 +15,7 @@ from pnfarm.web.errors import ClientGoneError, RequestError, TooLargeError
 if TYPE_CHECKING:
     from starlette.requests import Request
 
-__all__ = ["PREFIX", "Json", "Schema", "body_of", "checked", "read_object", "read_octets"]
+__all__ = ["MAX_BODY", "PREFIX", "Json", "Schema", "body_of", "checked", "read_object", "read_octets"]
 
 #: Prefix of every path of this version of the API.
 PREFIX = "/api/v1"

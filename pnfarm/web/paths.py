@@ -6,13 +6,17 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.web.bodies import PREFIX
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from fastapi import FastAPI
 
-__all__ = ["Described", "Paths", "text"]
+__all__ = ["ROLE_KEY", "Described", "Paths", "text"]
+
+#: Of a route's description: the least role that may use it.
+ROLE_KEY = "x-role"
 
 _H = TypeVar("_H", bound="Callable[..., Any]")
 
@@ -42,14 +46,25 @@ class Paths:
         self._own = own or {}
 
     def __call__(
-        self, where: str, answers: Any, *, body: dict[str, Any] | None = None, outside: bool = False, **options: Any
+        self,
+        where: str,
+        answers: Any,
+        *,
+        role: Role | None = None,
+        body: dict[str, Any] | None = None,
+        outside: bool = False,
+        **options: Any,
     ) -> Callable[[_H], _H]:
         """Declare ``METHOD path``, below the API's prefix unless it is ``outside``.
 
         ``answers``: the type of the body, or what there is by status, of which the first is the usual one.  ``body`` is
-        OpenAPI's description of the request's, ``options`` are FastAPI's.
+        OpenAPI's description of the request's, ``options`` are FastAPI's.  ``role`` is the least that may use it: a
+        path that reads is for all, each other one names it.
         """
         method, _, path = where.partition(" ")
+        least = Role.READ if role is None and method == "GET" else role
+        if least is None:
+            raise ValueError(f"{where} changes something and names no role")
         by_status = answers if isinstance(answers, dict) else {200: answers}
 
         def declare(handler: _H) -> _H:
@@ -66,7 +81,7 @@ class Paths:
                 summary=summary,
                 status_code=next(iter(by_status)),
                 responses={key: one if isinstance(one, dict) else {"model": one} for key, one in found.items()},
-                openapi_extra=body,
+                openapi_extra={ROLE_KEY: least.value, **(body or {})},
                 **options,
             )
             return handler

@@ -7,12 +7,19 @@ import re
 import resource
 import socket
 import time
+import urllib.error
 import urllib.request
 from contextlib import ExitStack
 from pathlib import Path
 from random import Random
 
 import pytest
+
+from pnfarm.api.access.audit_check import check_audit
+from pnfarm.api.access.authority import make_certificate
+from pnfarm.api.access.token_file import add_token, remove_tokens
+from pnfarm.vocabulary.trust import client_context
+from pnfarm.web.roles import Role
 
 FARM = """\
 farm: attacked
@@ -35,9 +42,13 @@ FLOOD = 100_000
 @pytest.fixture
 def farm(tmp_path, network, background):
     """A farm and its controller at work; the farm, and where the controller tells how it went."""
+    return at_work(tmp_path, background)
+
+
+def at_work(tmp_path, background, *options):
     file = tmp_path / "attacked.pnfarm.yml"
     file.write_text(FARM)
-    started = background("--log-format", "console", "up", file)
+    started = background("--log-format", "console", "up", file, *options)
     started.wait_for("attacked: 2 drives")
     plc = background("plc", file, "--json", tmp_path / "plc.json")
     plc.wait_for('"connected"')
@@ -58,7 +69,7 @@ def pid_of(started) -> int:
     return started._process.pid
 
 
-def half_open(stack: ExitStack) -> int:
+def half_open(stack: ExitStack, octets: bytes = HALF) -> int:
     """Connections that begin a request; how many the machine let us have."""
     count = 0
     for _ in range(CONNECTIONS):
@@ -69,7 +80,7 @@ def half_open(stack: ExitStack) -> int:
         if count % 50 == 0:
             time.sleep(0.05)  # a burst beyond the listen queue would not arrive at all
         try:
-            sock.send(HALF)
+            sock.send(octets)
         except OSError:
             continue
     return count
@@ -94,6 +105,90 @@ def test_thirteen_hundred_half_open_connections_cost_no_drive_anything_and_the_a
     assert losses(plc, summary) == {"axis-01": 0, "axis-02": 0}
     assert started.stop() == 0
     assert "Traceback" not in started.err
+
+
+class Secured:
+    """A farm with certificate, tokens and audit log, at work; ``secrets`` are of its tokens."""
+
+    def __init__(self, tmp_path, background):
+        made = make_certificate(tmp_path / "tls", [], 30)
+        tokens = tmp_path / "tokens"
+        now = time.time()
+        self.secrets = {
+            "wall": add_token(tokens, "wall", Role.READ, None),
+            "ci": add_token(tokens, "ci", Role.INJECT, None),
+            "late": add_token(tokens, "late", Role.ADMIN, now - 1),
+        }
+        self.tokens, self.audit = tokens, tmp_path / "audit.jsonl"
+        self.context = client_context(made.authority)
+        options = ("--tls-cert", made.certificate, "--tls-key", made.key, "--tokens", tokens, "--audit", self.audit)
+        self.started, self.plc, self.summary = at_work(tmp_path, background, *options)
+
+    def status(self, path, who, method="GET", body=None, **headers):
+        headers = {"Authorization": f"Bearer {self.secrets[who]}", "Content-Type": "application/json", **headers}
+        data = None if body is None else json.dumps(body).encode()
+        url = f"https://127.0.0.1:8703{path}"
+        request = urllib.request.Request(url, data=data, headers=headers, method=method)
+        try:
+            with urllib.request.urlopen(request, timeout=20, context=self.context) as answer:
+                return answer.status
+        except urllib.error.HTTPError as refused:
+            with refused:
+                return refused.code
+
+    def handshakes(self, count):
+        """So many connections that say no more than what TLS needs; how many the farm took."""
+        taken = 0
+        for _ in range(count):
+            try:
+                with (
+                    socket.create_connection(("127.0.0.1", 8703), 20) as sock,
+                    self.context.wrap_socket(sock, server_hostname="127.0.0.1"),
+                ):
+                    taken += 1
+            except OSError:
+                continue
+        return taken
+
+
+def test_strangers_at_a_farm_with_tls_cost_no_drive_anything_and_change_nothing(tmp_path, network, background, files):
+    farm = Secured(tmp_path, background)
+    fault = {"kind": "silence", "on": "axis-01"}
+    with ExitStack() as stack:
+        # the head of a ClientHello of 512 octets that never come
+        assert half_open(stack, bytes.fromhex("160301020001")) == CONNECTIONS
+        assert farm.status("/api/v1/drives", "wall") == 200
+        assert len(list(Path(f"/proc/{pid_of(farm.started)}/fd").iterdir())) < 400
+    assert farm.handshakes(500) == 500
+    with socket.create_connection(("127.0.0.1", 8703), 20) as plain:
+        plain.sendall(HALF + b"\r\n")
+        plain.settimeout(20)
+        assert b"HTTP" not in plain.recv(4096)
+    for who, origin, status in (
+        ("late", None, 401),
+        ("wall", None, 403),
+        ("ci", "https://evil.example", 403),
+        ("ci", "http://127.0.0.1:8703", 403),
+    ):
+        headers = {} if origin is None else {"Origin": origin}
+        assert farm.status("/api/v1/faults", who, "POST", fault, **headers) == status
+    assert farm.status("/api/v1/states/loaded", "ci", "PUT", {}) == 403
+    assert farm.status("/api/v1/faults?dry_run=true", "ci", "POST", fault) == 200
+    remove_tokens(farm.tokens, ["ci"])
+    assert farm.status("/api/v1/faults", "ci", "POST", fault) == 401
+    assert losses(farm.plc, farm.summary) == {"axis-01": 0, "axis-02": 0}
+    assert farm.started.stop() == 0
+    assert "Traceback" not in farm.started.err
+    assert len(farm.started.err) < 100_000
+    found = check_audit(farm.audit)
+    asked = [record for record in map(json.loads, farm.audit.read_text().splitlines()) if record["record"] == "request"]
+    # what had no valid token, or came from another page, is not in it
+    assert [(one["token"], one["path"]) for one in asked] == [
+        ("wall", "/api/v1/faults"),
+        ("ci", "/api/v1/states/loaded"),
+        ("ci", "/api/v1/faults"),
+    ]
+    assert (found.wrong, found.notes) == ([], [])
 
 
 @pytest.fixture

@@ -45,8 +45,8 @@ def test_nothing_is_offered_of_a_farm_that_does_not_run():
 class Farm:
     """What a running farm answers."""
 
-    def __init__(self, address, token):
-        assert (address, token) == ("http://127.0.0.1:8702", None)
+    def __init__(self, address, token, tls_ca):
+        assert (address, token, tls_ca) == ("http://127.0.0.1:8702", None, None)
 
     def __enter__(self):
         return self

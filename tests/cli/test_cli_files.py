@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 from cell_file import CELL
+from farm_flags import overridden
 
 from pnfarm.buses.registry import fault_kinds
-from pnfarm.cli.commands import up
 from pnfarm.errors import ConfigError
 from pnfarm.farm.doctor.machine import Finding
-from pnfarm.farm.file.reading import FarmFileError, parse_farm
+from pnfarm.farm.file.reading import FarmFileError
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
@@ -154,20 +154,6 @@ def test_every_command_checks_its_file_first(pnfarm, write, line):
 
 
 # -- settings from outside
-
-
-class FakeContext:
-    """Where the command line's values come from."""
-
-    def __init__(self, **sources: str) -> None:
-        self._sources = sources
-
-    def get_parameter_source(self, name: str):
-        return type("Source", (), {"name": self._sources.get(name, "COMMANDLINE")})
-
-
-def overridden(text: str, given: dict, **sources: str):
-    return up._overridden(FakeContext(**sources), parse_farm(text), given)
 
 
 def test_a_setting_from_outside_wins_over_the_file():

@@ -11,20 +11,21 @@ from virtual_line import VirtualLine
 from pnfarm.api import make_app
 
 BASE = "http://127.0.0.1:8702"
+#: What ``make_app`` takes about who may do what.
+ACCESS = ("token", "read_token", "tokens", "audit", "wall")
 
 
 class Served:
-    """``line`` is a farm with its ``world``; ``get``, ``post`` ... go to ``app``."""
+    """``line`` is a farm with its ``world``; ``get``, ``post`` ... go to ``app``.  ``access`` is for ``make_app``."""
 
-    def __init__(self, line: Any, *, token: str | None = None, read_token: str | None = None) -> None:
+    def __init__(self, line: Any, **access: Any) -> None:
         self.line = line
         self.faults = self.line.farm.injections
         self.app = make_app(
             self.line.farm,
             now=lambda: self.line.world.now,
             poke=lambda: self.line.farm.service(self.line.world.now),
-            token=token,
-            read_token=read_token,
+            **access,
         )
         self.context = self.app.state.context
 
@@ -51,12 +52,11 @@ class Served:
 
 
 class ApiWorld(Served):
-    """``line`` is the farm of so many drives with its controller."""
+    """``line`` is the farm of so many drives with its controller; options are those of the line and of the access."""
 
-    def __init__(
-        self, drives: int = 2, *, token: str | None = None, read_token: str | None = None, **line: Any
-    ) -> None:
-        super().__init__(VirtualLine(drives, **line), token=token, read_token=read_token)
+    def __init__(self, drives: int = 2, **options: Any) -> None:
+        access = {key: options.pop(key) for key in ACCESS if key in options}
+        super().__init__(VirtualLine(drives, **options), **access)
 
 
 def assert_problem(response: httpx.Response, status: int, *words: str) -> dict[str, Any]:

@@ -10,6 +10,7 @@ and time.  Therefore
 
 State of a connection   waits for                      at most
 ----------------------  -----------------------------  -----------------
+(its door, with TLS)    the end of the handshake       HANDSHAKE_SECONDS
 IDLE                    the head of a request          HEAD_SECONDS
 BODY                    the rest of its body           BODY_SECONDS
 ANSWER                  the application                -
@@ -23,7 +24,7 @@ import resource
 import socket
 import time
 from enum import Enum
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import structlog
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -99,41 +100,60 @@ class _Phase(Enum):
 _SECONDS = {_Phase.IDLE: HEAD_SECONDS, _Phase.BODY: BODY_SECONDS, _Phase.ANSWER: None}
 
 
+class Connection(Protocol):
+    """One connection, whatever it is doing."""
+
+    transport: asyncio.Transport
+
+    @property
+    def client(self) -> tuple[str, int] | None: ...
+
+
 class Connections:
     """Every open connection of one server.  ``closed`` counts those that were closed, by reason."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
         self.closed: dict[str, int] = {}
-        self._open: set[LimitedProtocol] = set()
+        self._open: set[Connection] = set()
         # in order of waiting: a dict keeps it
-        self._idle: dict[LimitedProtocol, None] = {}
+        self._idle: dict[Connection, None] = {}
 
     def __len__(self) -> int:
         return len(self._open)
 
-    def opened(self, connection: LimitedProtocol) -> None:
+    def opened(self, connection: Connection) -> None:
         """Add a connection; if the limit is reached, it replaces the one that has waited longest."""
         self._open.add(connection)
         if len(self._open) > self.limit:
             self.close(next(iter(self._idle), connection), "too many connections")
 
-    def idle(self, connection: LimitedProtocol, idle: bool) -> None:
+    def idle(self, connection: Connection, *, idle: bool) -> None:
         """Note whether a connection waits for a request."""
         self._idle.pop(connection, None)
         if idle and connection in self._open:
             self._idle[connection] = None
 
-    def gone(self, connection: LimitedProtocol) -> None:
+    def gone(self, connection: Connection) -> None:
         self._open.discard(connection)
         self._idle.pop(connection, None)
 
-    def close(self, connection: LimitedProtocol, reason: str) -> None:
+    def close(self, connection: Connection, reason: str) -> None:
         """Close it at once; unsent data is lost."""
         self.gone(connection)
+        self.count(connection, reason)
+        connection.transport.abort()
+
+    def stop(self) -> None:
+        """End those that wait for a client, as the server stops."""
+        for connection in list(self._idle):
+            self.gone(connection)
+            connection.transport.abort()
+
+    def count(self, connection: Connection, reason: str) -> None:
+        """It is closed, for this reason."""
         self.closed[reason] = self.closed.get(reason, 0) + 1
         logger.info("connection closed", reason=reason, client=connection.client[0] if connection.client else "")
-        connection.transport.abort()
 
 
 class LimitedProtocol(H11Protocol):
@@ -175,6 +195,8 @@ class LimitedProtocol(H11Protocol):
     def _look(self) -> None:
         """Enter the connection's present phase and start its timer, which received octets do not restart."""
         if self.transport.is_closing():
+            # nothing is left to do for it: with TLS its client may still keep it open
+            self.registry.idle(self, idle=True)
             return
         if self.cycle is None or self.cycle.response_complete:
             phase = _Phase.IDLE
@@ -183,7 +205,7 @@ class LimitedProtocol(H11Protocol):
         if phase is self._phase:
             return
         self._phase = phase
-        self.registry.idle(self, phase is _Phase.IDLE)
+        self.registry.idle(self, idle=phase is _Phase.IDLE)
         if self._timer is not None:
             self._timer.cancel()
         seconds = _SECONDS[phase]

@@ -1,15 +1,15 @@
 """Access control of the API: an ASGI layer before everything else.
 
-With a token, every client that sends it may: in ``Authorization: Bearer TOKEN``, or for browsers in a cookie, which is
-set by ``/?token=TOKEN`` and by the login page at ``/`` (:mod:`pnfarm.api.access.login`).  A client with the token for
-reading may read everything and change nothing. Without one the farm listens on loopback only; then requests must
+With tokens, every client must send one: in ``Authorization: Bearer TOKEN``, or for browsers in a cookie, which is
+set by ``/?token=TOKEN`` and by the login page at ``/`` (:mod:`pnfarm.api.access.login`).  What it may do, its role says
+(:mod:`pnfarm.api.access.rights`).  Without tokens the farm listens on loopback only; then requests must
 address this machine, so that a web page elsewhere cannot reach the farm through a browser on this machine: the Host
 header must name loopback (against DNS rebinding), and a request from another origin may change nothing.
 """
 
 from __future__ import annotations
 
-import hmac
+import contextlib
 import re
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
@@ -20,18 +20,27 @@ from urllib.parse import parse_qs, urlsplit
 from starlette.requests import Request
 from starlette.responses import RedirectResponse
 
+from pnfarm.api.access.keys import Keys
 from pnfarm.api.access.login import login_page, typed_token
 from pnfarm.api.problems import problem
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
-    from starlette.responses import Response
-    from starlette.types import ASGIApp, Receive, Scope, Send
+    from collections.abc import Iterator
 
-__all__ = ["COOKIE", "OPEN_PATHS", "SAFE_METHODS", "WHO", "Guard", "is_loopback"]
+    from starlette.responses import Response
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+    from pnfarm.api.access.token_file import Holder
+
+__all__ = ["COOKIE", "OPEN_PATHS", "ROLE", "SAFE_METHODS", "WHO", "Guard", "is_loopback"]
 
 COOKIE = "pnfarm_token"
-#: Key of a request's scope: ``token``, ``read_token``, or ``loopback`` where none is needed.
+#: Key of a request's scope: the token's name (``token`` and ``read_token`` are the farm's own), ``loopback`` where none
+#: is needed, ``anybody`` on an open path.
 WHO = "pnfarm.who"
+#: Key of a request's scope: the client's role.
+ROLE = "pnfarm.role"
 #: Open without a token: for orchestrators, or without confidential content.
 OPEN_PATHS = frozenset({"/api/v1/healthz", "/api/v1/readyz", "/openapi.json"})
 #: Host and port as RFC 9110 writes them, an IPv6 address in brackets.
@@ -47,99 +56,132 @@ def is_loopback(host: str) -> bool:
         return host.lower() == "localhost"
 
 
-def _same(shown: str, token: str) -> bool:
-    return hmac.compare_digest(shown.encode(errors="surrogateescape"), token.encode())
-
-
-def _netloc(origin: str) -> str:
+def _is_own(origin: str, request: Request) -> bool:
+    """Whether a page of this origin is the farm's; by TLS only one that came by TLS, too."""
     try:
-        return urlsplit(origin).netloc
+        found = urlsplit(origin)
     except ValueError:
-        return ""
+        return False
+    # without TLS the farm may be behind a proxy that speaks it
+    schemes = {"https"} if request.scope["scheme"] == "https" else {"http", "https", ""}
+    return found.scheme in schemes and found.netloc == request.headers.get("host", "")
 
 
-def _let_in(token: str) -> Response:
-    """Redirect to the page, with a cookie for its requests."""
+def _let_in(token: str, request: Request) -> Response:
+    """Redirect to the page, with a cookie for its requests; one that came by TLS is sent by TLS only."""
     response = RedirectResponse("/", status_code=HTTPStatus.SEE_OTHER)
-    response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
+    secure = request.scope["scheme"] == "https"
+    response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=secure)
     return response
 
 
-class Guard:
-    """``token`` None: only requests to loopback are answered.
+class _TokenEndedError(Exception):
+    """A response ended with its client's token: what makes it is to stop."""
 
-    Handlers find in the request's scope under :data:`WHO` by what a client was let in.
+
+class Guard:
+    """``keys`` without tokens: only requests to loopback are answered, and these may do everything.
+
+    The layers behind it find in the request's scope who a client is (:data:`WHO`) and its role (:data:`ROLE`).
     """
 
-    def __init__(self, app: ASGIApp, token: str | None = None, read_token: str | None = None) -> None:
+    def __init__(self, app: ASGIApp, keys: Keys | None = None) -> None:
         self._app = app
-        self._token = token
-        self._read_token = read_token
+        self._keys = keys or Keys()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        refusal = await self._judge(Request(scope, receive)) if scope["type"] == "http" else None
-        await (refusal or self._app)(scope, receive, send)
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        request = Request(scope, receive)
+        holder = self._holder(request)
+        refusal = await self._judge(request, holder)
+        if refusal is not None:
+            await refusal(scope, receive, send)
+            return
+        with contextlib.suppress(_TokenEndedError):
+            await self._app(scope, receive, send if holder is None else self._while_good(holder, send))
 
-    async def _judge(self, request: Request) -> Response | None:
+    async def _judge(self, request: Request, holder: Holder | None) -> Response | None:
         origin = request.headers.get("origin")
-        host = request.headers.get("host", "")
-        if request.method not in SAFE_METHODS and origin is not None and _netloc(origin) != host:
+        if request.method not in SAFE_METHODS and origin is not None and not _is_own(origin, request):
             return problem(HTTPStatus.FORBIDDEN, f"a page of {origin} may not change this farm", request)
-        if self._token is None:
-            request.scope[WHO] = "loopback"
-            return self._judge_host(request, host)
-        if self._shows(request, self._token):
-            request.scope[WHO] = "token"
-            return None
-        reads = self._read_token is not None and self._shows(request, self._read_token)
-        if reads and request.method in SAFE_METHODS:
-            request.scope[WHO] = "read_token"
-            return None
+        if not self._keys.needed:
+            return self._enter(request, "loopback", Role.ADMIN) or _judge_host(request)
+        if holder is not None and self._keys.is_good(holder):
+            return self._enter(request, holder.name, holder.role)
+        if request.scope["path"] in OPEN_PATHS:
+            return self._enter(request, "anybody", Role.READ)
         if request.scope["path"] == "/":
-            return await self._door(request)
-        if reads:
-            return problem(
-                HTTPStatus.FORBIDDEN, "this token may read, and change nothing: send the farm's token", request
-            )
+            return await self._door(request, holder)
+        if holder is not None:
+            return problem(HTTPStatus.UNAUTHORIZED, _expired(holder), request, headers=_challenge("invalid_token"))
         sentence = "this farm needs its token: send `Authorization: Bearer TOKEN`, or open /?token=TOKEN in a browser"
-        return problem(HTTPStatus.UNAUTHORIZED, sentence, request, headers={"WWW-Authenticate": "Bearer"})
+        return problem(HTTPStatus.UNAUTHORIZED, sentence, request, headers=_challenge())
 
-    async def _door(self, request: Request) -> Response:
+    @staticmethod
+    def _enter(request: Request, who: str, role: Role) -> None:
+        request.scope[WHO], request.scope[ROLE] = who, role
+
+    async def _door(self, request: Request, holder: Holder | None) -> Response:
         """The response to a browser without a valid token."""
         if request.method == "POST":
             typed = await typed_token(request)
-            return _let_in(typed) if typed and self._is_one(typed) else login_page(wrong=True)
+            known = self._keys.holder(typed) if typed else None
+            if known is None:
+                return login_page("Wrong token.")
+            return _let_in(typed, request) if self._keys.is_good(known) else login_page(f"{_expired(known)}.")
         asked = parse_qs(request.scope.get("query_string", b"").decode("latin-1")).get("token", [])
-        if request.method == "GET" and asked and self._is_one(asked[0]):
+        known = self._keys.holder(asked[0]) if request.method == "GET" and asked else None
+        if known is not None and self._keys.is_good(known):
             # removes the token from the address bar and the browser's history
-            return _let_in(asked[0])
-        return login_page()
+            return _let_in(asked[0], request)
+        over = known or holder
+        return login_page("" if over is None else f"{_expired(over)}.")
 
-    def _is_one(self, shown: str) -> bool:
-        """Whether it is one of the farm's tokens; both are compared, so that the time tells nothing."""
-        found = [_same(shown, token) for token in (self._token, self._read_token) if token is not None]
-        return any(found)
+    def _holder(self, request: Request) -> Holder | None:
+        """Whose token the request shows: a good one, else one that has expired."""
+        known = [found for secret in _shown(request) if (found := self._keys.holder(secret)) is not None]
+        return next((holder for holder in known if self._keys.is_good(holder)), next(iter(known), None))
 
-    @staticmethod
-    def _judge_host(request: Request, host: str) -> Response | None:
-        found = _HOST.fullmatch(host)
-        name = found[1] or found[2] if found else ""
-        if is_loopback(name):
-            return None
-        sentence = (
-            f"this farm answers requests to localhost only, not to {host!r}; to serve others, set a token under api:"
-        )
-        return problem(HTTPStatus.FORBIDDEN, sentence, request)
+    def _while_good(self, holder: Holder, send: Send) -> Send:
+        """Ends a stream when its client's token ends: it was let in for a request, not for ever."""
 
-    @staticmethod
-    def _shows(request: Request, token: str) -> bool:
-        if request.scope["path"] in OPEN_PATHS:
-            return True
-        scheme, _, shown = request.headers.get("authorization", "").partition(" ")
-        if scheme.lower() == "bearer" and _same(shown.strip(), token):
-            return True
-        try:
-            cookie = SimpleCookie(request.headers.get("cookie", "")).get(COOKIE)
-        except CookieError:
-            return False
-        return cookie is not None and _same(cookie.value, token)
+        async def send_while_good(message: Message) -> None:
+            if message["type"] == "http.response.body" and message.get("more_body") and not self._keys.is_good(holder):
+                await send({"type": "http.response.body", "body": b""})
+                raise _TokenEndedError
+            await send(message)
+
+        return send_while_good
+
+
+def _expired(holder: Holder) -> str:
+    return f"the token {holder.name} expired at {holder.until}"
+
+
+def _challenge(error: str = "") -> dict[str, str]:
+    return {"WWW-Authenticate": f'Bearer error="{error}"' if error else "Bearer"}
+
+
+def _judge_host(request: Request) -> Response | None:
+    host = request.headers.get("host", "")
+    found = _HOST.fullmatch(host)
+    name = found[1] or found[2] if found else ""
+    if is_loopback(name):
+        return None
+    sentence = f"this farm answers requests to localhost only, not to {host!r}; to serve others, set a token under api:"
+    return problem(HTTPStatus.FORBIDDEN, sentence, request)
+
+
+def _shown(request: Request) -> Iterator[str]:
+    """The tokens that a request shows."""
+    scheme, _, shown = request.headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer" and (secret := shown.strip()):
+        yield secret
+    try:
+        cookie = SimpleCookie(request.headers.get("cookie", "")).get(COOKIE)
+    except CookieError:
+        return
+    if cookie is not None and cookie.value:
+        yield cookie.value

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import html
 from http import HTTPStatus
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs
@@ -43,16 +44,16 @@ in the container rig, <code>docker compose exec farm cat /run/pnfarm/token</code
 """
 
 
-def login_page(*, wrong: bool = False) -> HTMLResponse:
-    """``wrong``: the last token entered was wrong."""
+def login_page(alert: str = "") -> HTMLResponse:
+    """``alert``: what is wrong with the token that was shown, as plain text."""
     digest = base64.b64encode(hashlib.sha256(_STYLE.encode()).digest()).decode()
     policy = (
         f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; form-action 'self'; "
         "frame-ancestors 'none'"
     )
     return HTMLResponse(
-        _PAGE.format(style=_STYLE, alert="Wrong token." if wrong else ""),
-        HTTPStatus.FORBIDDEN if wrong else HTTPStatus.OK,
+        _PAGE.format(style=_STYLE, alert=html.escape(alert)),
+        HTTPStatus.FORBIDDEN if alert else HTTPStatus.OK,
         headers={"Content-Security-Policy": policy, "X-Content-Type-Options": "nosniff", "Cache-Control": "no-store"},
     )
 

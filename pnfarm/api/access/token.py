@@ -13,6 +13,7 @@ import stat
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pnfarm.api.access.token_file import TokenFile
 from pnfarm.errors import EnvironmentError_
 from pnfarm.vocabulary.regular_file import read_regular
 from pnfarm.vocabulary.whole_files import write_whole
@@ -33,27 +34,30 @@ _NEW = 24
 class FarmToken:
     """``value`` None: no token is required.  ``file`` holds it; ``in_log`` is a new token without a file.
 
-    ``read`` is the token whose holder may read only, if there is one.
+    ``read`` is the token whose holder may read only, if there is one; ``tokens`` are those of a file of their own.
     """
 
     value: str | None = None
     file: Path | None = None
     in_log: str | None = None
     read: str | None = None
+    tokens: TokenFile | None = None
 
 
 def token_of(config: FarmConfig) -> FarmToken:
     """The token of a farm's API; generates it, and its file, if there is none yet.
 
-    Raises :class:`EnvironmentError_` for a file that cannot be read or written, or that holds no token.
+    Raises :class:`EnvironmentError_` for a file that cannot be read or written, or that holds no token, and
+    :class:`ConfigError` for a file of tokens that cannot be used.
     """
     section = config.api
     if section is None:
         return FarmToken()
+    tokens = None if section.tokens is None else TokenFile(config.beside(section.tokens))
     file = config.token_path
     if file is None:
-        if section.token is not None or not section.needs_token:
-            return FarmToken(section.token, read=section.read_token)
+        if section.token is not None or tokens is not None or not section.needs_token:
+            return FarmToken(section.token, read=section.read_token, tokens=tokens)
         made = secrets.token_urlsafe(_NEW)
         return FarmToken(made, in_log=made, read=section.read_token)
     try:
@@ -68,7 +72,7 @@ def token_of(config: FarmConfig) -> FarmToken:
         ) from exc
     if value == section.read_token:
         raise EnvironmentError_(f"the token's file {file} holds the read_token, which may change nothing: remove it")
-    return FarmToken(value, file, read=section.read_token)
+    return FarmToken(value, file, read=section.read_token, tokens=tokens)
 
 
 def _read(file: Path) -> str | None:

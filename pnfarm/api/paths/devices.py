@@ -12,6 +12,7 @@ from pnfarm.api.changes import SignalsForced, SignalsWritten, who
 from pnfarm.api.schemas.device import DevicesView, DeviceView, SignalsAnswer, SignalsValues, StationsView
 from pnfarm.vocabulary.quoting import shortened
 from pnfarm.web.bodies import Json, body_of, read_object
+from pnfarm.web.roles import Role
 from pnfarm.web.tags import check_match, is_known
 
 if TYPE_CHECKING:
@@ -92,7 +93,12 @@ def add_device(path: Paths, devices: DeviceHost) -> None:
             return Response(status_code=HTTPStatus.NOT_MODIFIED, headers={"ETag": tag})
         return Json(devices.signals(name), headers={"ETag": tag})
 
-    @path("PATCH devices/{name}/signals", _WRITTEN, body=body_of(_WRITE, input={"part_present": True, "pressure": 6.5}))
+    @path(
+        "PATCH devices/{name}/signals",
+        _WRITTEN,
+        body=body_of(_WRITE, input={"part_present": True, "pressure": 6.5}),
+        role=Role.INJECT,
+    )
     async def patch_device_signals(
         name: str,
         request: Request,

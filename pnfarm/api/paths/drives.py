@@ -12,6 +12,7 @@ from pnfarm.api.schemas.controller import ControllerView
 from pnfarm.api.schemas.drive import Drive
 from pnfarm.api.schemas.farm import FarmView
 from pnfarm.web.bodies import Json, Schema, body_of, checked, read_object
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
     from pnfarm.station.event import Event
@@ -127,17 +128,17 @@ def add_drive(path: Paths, drives: DriveHost) -> None:
         """What the drive's controller did, seen from the drive."""
         return Json(drives.controller(name))
 
-    @path("POST drives/{name}/power-off", Drive)
+    @path("POST drives/{name}/power-off", Drive, role=Role.INJECT)
     async def power_off(name: str, request: Request) -> Json:
         """Switch off; nothing happens to a drive that is off."""
         return Json(drives.power(name, "off", PowerOffRequested(*who(request))))
 
-    @path("POST drives/{name}/power-on", Drive)
+    @path("POST drives/{name}/power-on", Drive, role=Role.INJECT)
     async def power_on(name: str, request: Request) -> Json:
         """Switch on; nothing happens to a drive that is on."""
         return Json(drives.power(name, "on", PowerOnRequested(*who(request))))
 
-    @path("POST drives/{name}/power-cycle", Drive)
+    @path("POST drives/{name}/power-cycle", Drive, role=Role.INJECT)
     async def power_cycle(name: str, request: Request) -> Json:
         """Switch off and on."""
         return Json(drives.power(name, "cycle", PowerCycleRequested(*who(request))))
@@ -157,7 +158,7 @@ def add_drive(path: Paths, drives: DriveHost) -> None:
         """A parameter by number or by the manual's name, with .SUB for one element of an array."""
         return Json(drives.parameter(name, pnu))
 
-    @path("PUT drives/{name}/params/{pnu:path}", ParameterValue, body=body_of(ParameterWrite))
+    @path("PUT drives/{name}/params/{pnu:path}", ParameterValue, body=body_of(ParameterWrite), role=Role.INJECT)
     async def put_parameter(name: str, pnu: str, request: Request) -> Json:
         """Write a parameter."""
         body = await read_object(request)

@@ -14,6 +14,7 @@ from pnfarm.buses.registry import fault_kinds
 from pnfarm.vocabulary.quoting import shortened
 from pnfarm.web.bodies import PREFIX, Json, Schema, body_of, read_object
 from pnfarm.web.errors import RequestError
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -209,6 +210,7 @@ def add_faults(path: Paths, host: Host, faults: FaultsHost) -> None:
         "POST faults",
         {201: Fault, 200: Targets},
         body=body_of(fault_kinds().schema(), f702={"kind": "f702", "on": "axis-01", "for": "2s"}),
+        role=Role.INJECT,
     )
     async def post_fault(
         request: Request,
@@ -238,21 +240,21 @@ def add_faults(path: Paths, host: Host, faults: FaultsHost) -> None:
         """One fault, also one that has ended recently."""
         return Json(await faults.get(fault_id))
 
-    @path("POST faults/{fault_id}/renew", Fault)
+    @path("POST faults/{fault_id}/renew", Fault, role=Role.INJECT)
     async def renew_fault(fault_id: str, request: Request) -> Json:
         """Begin a fault's time to live (ttl) anew."""
         # every few seconds, by a client whose fault has its entry
         changes_nothing(request)
         return _answer(await faults.renew(fault_id))
 
-    @path("DELETE faults/{fault_id}", Fault)
+    @path("DELETE faults/{fault_id}", Fault, role=Role.INJECT)
     async def delete_fault(fault_id: str, request: Request) -> Json:
         """End a fault and return its final evidence."""
         found, whole = await faults.clear(fault_id)
         note(request, FaultCleared, found)
         return _answer((found, whole))
 
-    @path("POST reset", Reset)
+    @path("POST reset", Reset, role=Role.INJECT)
     async def reset(request: Request) -> Json:
         """End every injected fault."""
         found, whole = await faults.reset()

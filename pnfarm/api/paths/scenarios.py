@@ -10,11 +10,14 @@ from fastapi import Query, Request
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response
 
+from pnfarm.api.access.guard import ROLE
 from pnfarm.api.paths.faults import FaultEvidence  # noqa: TC001 - pydantic reads the annotations of fields
+from pnfarm.scenario.running import BarredStepError
 from pnfarm.vocabulary.issues import FarmFileError
 from pnfarm.web.bodies import PREFIX, Json, Schema, body_of, checked, read_object
 from pnfarm.web.errors import RequestError, named_by_path
 from pnfarm.web.paths import text
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,6 +26,9 @@ if TYPE_CHECKING:
     from pnfarm.web.paths import Paths
 
 __all__ = ["add_scenarios"]
+
+#: Kinds of steps that do what only a path for this role does.
+ADMIN_STEPS = frozenset({"restore"})
 
 #: A report has its scripts in it: it is shown as a page of no origin, which cannot call the API.
 REPORT_POLICY = (
@@ -174,12 +180,17 @@ def add_scenarios(path: Paths, scenarios: KeptScenarios, now: Callable[[], int])
         """Scenarios at work, and the last that ended."""
         return Json({"scenarios": [found.summary() for found in scenarios.list()]})
 
-    @path("POST scenarios", {201: ScenarioRecord}, body=body_of(ScenarioText))
+    @path("POST scenarios", {201: ScenarioRecord}, body=body_of(ScenarioText), role=Role.INJECT)
     async def post_scenario(request: Request) -> Json:
         """Check a scenario against the farm and begin it."""
         wanted = checked(await read_object(request), ScenarioText, hint='send {"text": a scenario file as text}')
         try:
-            found = scenarios.start(wanted.text, wanted.variables, part=wanted.part)
+            # a step takes no more than the path that does the same
+            barred = () if request.scope[ROLE].covers(Role.ADMIN) else ADMIN_STEPS
+            found = scenarios.start(wanted.text, wanted.variables, part=wanted.part, barred=barred)
+        except BarredStepError as exc:
+            sentence = f"{exc}: that needs a token with the role {Role.ADMIN}"
+            raise RequestError(sentence, status=HTTPStatus.FORBIDDEN) from exc
         except FarmFileError as exc:
             errors = [
                 {"line": str(issue.line), "field": issue.field, "what": issue.what, "allowed": issue.allowed}
@@ -211,7 +222,7 @@ def add_scenarios(path: Paths, scenarios: KeptScenarios, now: Callable[[], int])
         page = await anyio.to_thread.run_sync(report_html, found.as_dict())
         return Response(page, media_type="text/html", headers={"Content-Security-Policy": REPORT_POLICY})
 
-    @path("DELETE scenarios/{scenario_id}", ScenarioRecord)
+    @path("DELETE scenarios/{scenario_id}", ScenarioRecord, role=Role.INJECT)
     async def delete_scenario(scenario_id: str) -> Json:
         """End a scenario: its faults are cleared."""
         known(scenario_id)

@@ -8,6 +8,7 @@ from fastapi import Query
 from pydantic import Field
 
 from pnfarm.web.bodies import Json, Schema
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
     from pnfarm.web.paths import Paths
@@ -51,19 +52,19 @@ def add_states(path: Paths, states: StatesHost) -> None:
         """Every saved state of the farm."""
         return Json(await states.kept())
 
-    @path("PUT states/{name}", StateAnswer)
+    @path("PUT states/{name}", StateAnswer, role=Role.ADMIN)
     async def put_state(name: str) -> Json:
         """Save the state of the whole farm under this name, also over an earlier one."""
         return Json(await states.save(name))
 
-    @path("POST states/{name}/restore", StateAnswer)
+    @path("POST states/{name}/restore", StateAnswer, role=Role.ADMIN)
     async def post_restore(
         name: str, check: Annotated[bool, Query(description="Only find out whether it can be restored.")] = False
     ) -> Json:
         """Put the whole farm into a saved state; connections are set up again by their controllers."""
         return Json(await states.restore(name, check=check))
 
-    @path("DELETE states/{name}", StateAnswer)
+    @path("DELETE states/{name}", StateAnswer, role=Role.ADMIN)
     async def delete_state(name: str) -> Json:
         """Delete a saved state."""
         return Json(await states.delete(name))

@@ -12,6 +12,7 @@ from starlette.responses import Response  # noqa: TC002 - FastAPI reads the anno
 from pnfarm.trace import TraceRequest
 from pnfarm.trace.manager import MOST_TRACES, MOST_VALUES
 from pnfarm.web.bodies import PREFIX, Json, Schema, body_of, read_object
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -124,6 +125,7 @@ def add_traces(path: Paths, traces: TracesHost) -> None:
                 "length": "2s",
             },
         ),
+        role=Role.INJECT,
     )
     async def post_trace(request: Request) -> Json:
         """Start a trace."""
@@ -146,12 +148,12 @@ def add_traces(path: Paths, traces: TracesHost) -> None:
         """A trace with its samples so far; status without them."""
         return await traces.read(trace_id, form)
 
-    @path("POST traces/{trace_id}/trigger", TraceView)
+    @path("POST traces/{trace_id}/trigger", TraceView, role=Role.INJECT)
     async def post_trigger(trace_id: str) -> Json:
         """Trigger a trace that waits."""
         return Json(await traces.fire(trace_id))
 
-    @path("DELETE traces/{trace_id}", TraceView)
+    @path("DELETE traces/{trace_id}", TraceView, role=Role.INJECT)
     async def delete_trace(trace_id: str) -> Json:
         """End a trace and forget its samples."""
         return Json(await traces.delete(trace_id))

@@ -46,8 +46,8 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
 _PROBLEM = PROBLEMS["default"]["content"]
 #: Status -> when it is answered.
 _WHEN = {
-    "401": "The token is missing or wrong",
-    "403": "Not permitted: a token that only reads, or a page of another origin",
+    "401": "The token is missing, wrong or expired",
+    "403": "Not permitted: the token's role is not enough, or a page of another origin",
     "404": "Nothing has this name, number or id",
     "409": "Not in the present state",
     "412": "It has changed since the ETag of If-Match",

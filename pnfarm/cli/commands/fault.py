@@ -12,7 +12,15 @@ from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.terminal import client
 from pnfarm.terminal.output import print_found, print_json, print_line, print_next, print_section, print_table
 from pnfarm.terminal.partial import raise_for_missing
-from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
+from pnfarm.terminal.settings import (
+    DEFAULT_URL,
+    ApiOption,
+    Format,
+    FormatOption,
+    TlsCaOption,
+    TokenOption,
+    help_without_command,
+)
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shortened
 from pnfarm.vocabulary.samples import with_files
@@ -157,6 +165,7 @@ def add(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Inject a fault."""
     options = [word.removeprefix("--") for one in context.command.params for word in one.opts]
@@ -183,7 +192,7 @@ def add(
     body |= {key: value for key, value in wanted.items() if value is not None}
     if hold and dry_run:
         raise ConfigError("--dry-run injects nothing that --hold could keep: leave one of them out")
-    with client.FarmClient(api, token) as farm:
+    with client.FarmClient(api, token, tls_ca) as farm:
         if dry_run:
             reach = farm.post("faults", body=body, query={"dry_run": "true"})
             print_found(reach, output, _print_reach)
@@ -217,9 +226,10 @@ def show(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """List the pending and active faults, or one fault, with their evidence."""
-    with client.FarmClient(api, token) as farm:
+    with client.FarmClient(api, token, tls_ca) as farm:
         found = farm.get("faults") if fault_id is None else {"faults": [farm.get("faults", fault_id)]}
     print_found(found, output, _print_faults)
     raise_for_missing(found if fault_id is None else found["faults"][0])
@@ -257,9 +267,10 @@ def clear(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Clear a fault, or all of them; the drives return to normal."""
-    with client.FarmClient(api, token) as farm:
+    with client.FarmClient(api, token, tls_ca) as farm:
         found = farm.post("reset") if fault_id is None else farm.delete("faults", fault_id)
     if output is Format.JSON:
         print_json(found)

@@ -16,7 +16,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.terminal import client
 from pnfarm.terminal.output import number, print_found, print_line, print_section, print_table, seconds
 from pnfarm.terminal.partial import raise_for_missing
-from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
+from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TlsCaOption, TokenOption
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -52,13 +52,14 @@ def inspect(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Show the drives of the running farm: state, telegram, controller, cycle, last fault."""
     if not follow and not events:
         raise ConfigError("--no-follow needs --events")
     if readiness and (events or name is not None):
         raise ConfigError("--readiness is about all stations: leave out NAME and --events")
-    with client.FarmClient(api, token) as farm:
+    with client.FarmClient(api, token, tls_ca) as farm:
         if readiness:
             view = farm.get("readiness")
             print_found(view, output, print_readiness)

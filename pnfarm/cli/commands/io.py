@@ -15,7 +15,7 @@ from pnfarm.signals.layers import EVERY
 from pnfarm.terminal import client
 from pnfarm.terminal.output import print_json, print_line, print_table
 from pnfarm.terminal.partial import raise_for_missing
-from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
+from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TlsCaOption, TokenOption
 from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ def io(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """List, read, write, force or follow the signals of devices and of models of the plant of the running farm.
 
@@ -67,7 +68,7 @@ def io(
     """
     if force and release:
         raise ConfigError("--force and --release exclude each other")
-    with client.FarmClient(api, token) as farm:
+    with client.FarmClient(api, token, tls_ca) as farm:
         listed = farm.get("devices")
         models = [str(one["name"]) for one in farm.get("plant")["models"]]
         known = [*(str(one["name"]) for one in listed["devices"]), *models]

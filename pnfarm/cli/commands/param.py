@@ -10,7 +10,15 @@ from pnfarm.cli.completion import complete_drive
 from pnfarm.errors import ConfigError
 from pnfarm.terminal import client
 from pnfarm.terminal.output import print_found, print_line
-from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
+from pnfarm.terminal.settings import (
+    DEFAULT_URL,
+    ApiOption,
+    Format,
+    FormatOption,
+    TlsCaOption,
+    TokenOption,
+    help_without_command,
+)
 
 __all__ = ["app"]
 
@@ -69,6 +77,7 @@ def get(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Read a parameter, of a drive of the running farm or of any station on a line."""
     if line is not None:
@@ -76,7 +85,7 @@ def get(
 
         print_found(ask(line, name, pnu, None, baud=baud, own=own, model=model), output, _show)
         return
-    with client.FarmClient(api, token) as farm:
+    with client.FarmClient(api, token, tls_ca) as farm:
         print_found(farm.get("drives", name, "params", pnu), output, _show)
 
 
@@ -95,6 +104,7 @@ def put(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Write a parameter and print the value that the drive then has."""
     wanted = _number(value)
@@ -103,7 +113,7 @@ def put(
 
         print_found(ask(line, name, pnu, wanted, baud=baud, own=own, model=model), output, _show)
         return
-    with client.FarmClient(api, token) as farm:
+    with client.FarmClient(api, token, tls_ca) as farm:
         print_found(farm.put("drives", name, "params", pnu, body={"value": wanted}), output, _show)
 
 

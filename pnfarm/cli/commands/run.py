@@ -11,7 +11,10 @@ import typer
 
 from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
 from pnfarm.terminal.output import print_next
-from pnfarm.terminal.settings import TokenOption  # noqa: TC001 - the command line is made from the annotations
+from pnfarm.terminal.settings import (
+    TlsCaOption,  # noqa: TC001 - the command line is made from the annotations
+    TokenOption,  # noqa: TC001 - the same
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -76,6 +79,7 @@ def run(
         typer.Option("--set", help="Value of a variable of the scenario. Repeatable.", metavar="NAME=VALUE"),
     ] = None,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> int:
     """Run a scenario: faults, expectations, verdict.
 
@@ -113,7 +117,7 @@ def run(
         if not checked:
             from pnfarm.cli.run_remote import run_remote
 
-            record, failure = run_remote(scenario, token, progress, signals.why)
+            record, failure = run_remote(scenario, token, tls_ca, progress, signals.why)
         else:
             # without a report nobody would see traces
             traced = html is not None or as_json is not None

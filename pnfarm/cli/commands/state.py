@@ -10,10 +10,19 @@ import typer
 from pnfarm.terminal import client
 from pnfarm.terminal.output import print_json, print_line, print_table
 from pnfarm.terminal.partial import raise_for_missing
-from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
+from pnfarm.terminal.settings import (
+    DEFAULT_URL,
+    ApiOption,
+    Format,
+    FormatOption,
+    TlsCaOption,
+    TokenOption,
+    help_without_command,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 __all__ = ["app"]
 
@@ -25,10 +34,14 @@ NameArgument = Annotated[str, typer.Argument(metavar="NAME", help="The state's n
 
 @app.command("save")
 def save(
-    name: NameArgument, output: FormatOption = Format.TABLE, api: ApiOption = DEFAULT_URL, token: TokenOption = None
+    name: NameArgument,
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Save the farm as it is now, also over an earlier state of that name: drives, devices, plant."""
-    _do(lambda farm: farm.put("states", name, body={}), f"saved {name}", output, api, token)
+    _do(lambda farm: farm.put("states", name, body={}), f"saved {name}", output, api, token, tls_ca)
 
 
 @app.command("restore")
@@ -38,17 +51,23 @@ def restore(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Put the farm into a saved state, all of it or nothing; controllers set their connections up again."""
     query = {"check": "true"} if check else {}
     done = f"{name} can be restored" if check else f"restored {name}"
-    _do(lambda farm: farm.post("states", name, "restore", query=query), done, output, api, token)
+    _do(lambda farm: farm.post("states", name, "restore", query=query), done, output, api, token, tls_ca)
 
 
 @app.command("list")
-def show(output: FormatOption = Format.TABLE, api: ApiOption = DEFAULT_URL, token: TokenOption = None) -> None:
+def show(
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
+) -> None:
     """List the saved states of the farm."""
-    with client.FarmClient(api, token) as farm:
+    with client.FarmClient(api, token, tls_ca) as farm:
         found = farm.get("states")
     if output is Format.JSON:
         print_json(found)
@@ -62,14 +81,20 @@ def show(output: FormatOption = Format.TABLE, api: ApiOption = DEFAULT_URL, toke
 
 @app.command("delete")
 def delete(
-    name: NameArgument, output: FormatOption = Format.TABLE, api: ApiOption = DEFAULT_URL, token: TokenOption = None
+    name: NameArgument,
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Delete a saved state."""
-    _do(lambda farm: farm.delete("states", name), f"deleted {name}", output, api, token)
+    _do(lambda farm: farm.delete("states", name), f"deleted {name}", output, api, token, tls_ca)
 
 
-def _do(ask: Callable[[client.FarmClient], Any], done: str, output: Format, api: str, token: str | None) -> None:
-    with client.FarmClient(api, token) as farm:
+def _do(
+    ask: Callable[[client.FarmClient], Any], done: str, output: Format, api: str, token: str | None, tls_ca: Path | None
+) -> None:
+    with client.FarmClient(api, token, tls_ca) as farm:
         found = ask(farm)
     if output is Format.JSON:
         print_json(found)

@@ -12,7 +12,7 @@ import typer
 from pnfarm.errors import ConfigError, RemoteError
 from pnfarm.terminal import client
 from pnfarm.terminal.output import print_found, print_json, print_line, print_table
-from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
+from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TlsCaOption, TokenOption
 
 if TYPE_CHECKING:
     from pnfarm.trace import Recording
@@ -76,12 +76,13 @@ def trace(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Record signals of drives, devices and models of the running farm's plant, cycle by cycle, around a trigger."""
     for file in files or []:
         _check_file(file)
     most = _seconds(within)
-    with client.FarmClient(api, token) as farm:
+    with client.FarmClient(api, token, tls_ca) as farm:
         if listed:
             _list(farm, drives, output)
             return

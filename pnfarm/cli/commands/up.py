@@ -39,6 +39,10 @@ _SETTINGS: Mapping[str, tuple[str, str, str]] = {
     "api": ("api", "--api", "PNFARM_UP_API"),
     "token": ("api.token", "--api-token", "PNFARM_UP_API_TOKEN"),
     "read_token": ("api.read_token", "--api-read-token", "PNFARM_UP_API_READ_TOKEN"),
+    "tokens": ("api.tokens", "--tokens", "PNFARM_UP_TOKENS"),
+    "audit": ("api.audit", "--audit", "PNFARM_UP_AUDIT"),
+    "tls_cert": ("api.tls_cert", "--tls-cert", "PNFARM_UP_TLS_CERT"),
+    "tls_key": ("api.tls_key", "--tls-key", "PNFARM_UP_TLS_KEY"),
     "opcua": ("opcua", "--opcua", "PNFARM_UP_OPCUA"),
     "parent": ("link.parent", "--parent", "PNFARM_UP_LINK_PARENT"),
     "state": ("state", "--state", "PNFARM_UP_STATE"),
@@ -64,6 +68,27 @@ def up(
             "PNFARM_UP_API_READ_TOKEN",
             "Bearer token that may read and change nothing.",
             metavar="TOKEN",
+        ),
+    ] = None,
+    tokens: Annotated[
+        Path | None,
+        setting("--tokens", "PNFARM_UP_TOKENS", "File of tokens with roles (`pnfarm token`).", metavar="FILE"),
+    ] = None,
+    audit: Annotated[
+        Path | None,
+        setting("--audit", "PNFARM_UP_AUDIT", "File of the audit log (`pnfarm audit`).", metavar="FILE"),
+    ] = None,
+    tls_cert: Annotated[
+        Path | None,
+        setting("--tls-cert", "PNFARM_UP_TLS_CERT", "Certificate of the API, PEM: serve it by TLS.", metavar="FILE"),
+    ] = None,
+    tls_key: Annotated[
+        Path | None,
+        setting(
+            "--tls-key",
+            "PNFARM_UP_TLS_KEY",
+            "The certificate's key, PEM; left out, it is in the certificate's file.",
+            metavar="FILE",
         ),
     ] = None,
     opcua: Annotated[
@@ -148,6 +173,7 @@ def up(
     """Run a farm in the foreground until Ctrl-C; its interfaces are always removed at the end.
 
     Options override environment variables, and these override the farm file: PNFARM_UP_API, PNFARM_UP_API_TOKEN,
+    PNFARM_UP_API_READ_TOKEN, PNFARM_UP_TOKENS, PNFARM_UP_AUDIT, PNFARM_UP_TLS_CERT, PNFARM_UP_TLS_KEY,
     PNFARM_UP_OPCUA, PNFARM_UP_LINK_PARENT, PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO and
     PNFARM_UP_REALTIME_MLOCKALL; PNFARM_UP_SHARD is --shard, PNFARM_UP_RESTORE --restore.  For the capture options:
     PNFARM_UP_PCAP, PNFARM_UP_PCAP_DRIVES, PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and PNFARM_UP_PCAP_FILES; separate
@@ -159,7 +185,7 @@ def up(
     from pnfarm.links.serial.eager_loop import LOOKING
 
     # they are read from the context
-    del api, token, read_token, opcua, parent, state, cpu, fifo, mlockall
+    del api, token, read_token, tokens, audit, tls_cert, tls_key, opcua, parent, state, cpu, fifo, mlockall
     require_address_space(ENGINE)
     config = _overridden(context, read(file), context.params)
     check_impairments(config)
@@ -189,24 +215,26 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
         source = context.get_parameter_source(name)
         origin = variable if source is not None and source.name == "ENVIRONMENT" else flag
         if name == "api" and config.api is not None and value != "off":
-            # the address changes, the token stays
+            # the address changes, tokens and certificate stay
             config = config.with_overrides({"api": {"listen": value, **_secret(config)}}, origin)
         elif name == "opcua" and config.opcua is not None and config.opcua.model_fields_set - {"listen"}:
             # the same: users and certificate stay
             config = config.with_overrides({"opcua" if value == "off" else "opcua.listen": value}, origin)
-        elif name in {"token", "read_token"}:
+        elif key.startswith("api."):
             listen = "" if config.api is None else f"{_bracketed(config.api.host)}:{config.api.port}"
             if not listen:
                 continue  # no API, no token
-            config = config.with_overrides({"api": {"listen": listen, **_secret(config), name: value}}, origin)
+            # a file of the command line is in the folder where it is given, one of the farm file beside that
+            given_here = str(value.absolute()) if isinstance(value, Path) else value
+            config = config.with_overrides({"api": {"listen": listen, **_secret(config), name: given_here}}, origin)
         else:
             config = config.with_overrides({key: value}, origin)
     return config
 
 
 def _secret(config: FarmConfig) -> dict[str, str]:
-    """The file's keys of the API's tokens."""
-    keys = ("token", "token_file", "read_token")
+    """The file's keys of the API beside its address."""
+    keys = ("token", "token_file", "read_token", "tokens", "audit", "tls_cert", "tls_key")
     return {key: value for key in keys if (value := getattr(config.api, key, None)) is not None}
 
 
@@ -217,7 +245,7 @@ def _bracketed(host: str) -> str:
 async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings | None, restore: str | None) -> None:
     import anyio
 
-    from pnfarm.api import serve_farm
+    from pnfarm.api import api_url, audit_of, serve_farm, tls_of
     from pnfarm.api.access.token import token_of
     from pnfarm.api.server import listen
     from pnfarm.cli.running import compile_ahead, stop_on_signals
@@ -230,6 +258,10 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
     from pnfarm.station.event_log import EventLog
 
     token_of(config)  # report a capture file that cannot be created before any interface is made
+    secure = tls_of(config) is not None
+    if (audit := audit_of(config)) is not None:
+        # the farm opens it again when it serves
+        audit.release()
     farm = Farm(config, shard=shard, capture=capture)
     ControllerBeside(farm, log=EventLog())
     if (section := config.api) is not None:
@@ -251,7 +283,7 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
                     host, port = await tasks.start(serve_farm, farm)
                     await tasks.start(serve_opcua, farm, opcua)
                     keep_what_is_loaded()
-                    _say_up(farm, f"http://{_bracketed(host)}:{port}/" if host else None)
+                    _say_up(farm, f"{api_url(host, port, secure=secure)}/" if host else None)
                     await farm.wait()
         finally:
             with anyio.CancelScope(shield=True):

@@ -124,7 +124,9 @@ class FarmConfig(FarmSections):
             return None
         if section.token_file is not None:
             return self.beside(section.token_file)
-        if section.token is not None or not section.needs_token or (state := self.state_directory) is None:
+        if section.token is not None or section.tokens is not None or not section.needs_token:
+            return None
+        if (state := self.state_directory) is None:
             return None
         return state / "api-token"
 

@@ -72,6 +72,42 @@ class Api(Section):
         description="Further bearer token, which may read and change nothing; with it, every client needs a token.",
     )
 
+    tokens: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4096,
+        description="File of further tokens with roles and times to expire (`pnfarm token`), relative to this file; "
+        "with it, every client needs a token, and none is generated.",
+    )
+    audit: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4096,
+        description="File that gets a line for each request that changes something, relative to this file "
+        "(`pnfarm audit`).",
+    )
+    tls_cert: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4096,
+        description="Certificate in PEM, with its chain, relative to this file: the API and the page are served by TLS "
+        "(https). A changed file is read again.",
+    )
+    tls_key: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4096,
+        description="The certificate's key in PEM without a passphrase, relative to this file; left out, it is in the "
+        "certificate's file.",
+    )
+
+    @field_validator("tls_key")
+    @classmethod
+    def _belongs(cls, tls_key: str | None, info: ValidationInfo) -> str | None:
+        if tls_key is not None and info.data.get("tls_cert") is None:
+            raise Problem("is a key without a certificate", "tls_cert beside it")
+        return tls_key
+
     @field_validator("token", "read_token")
     @classmethod
     def _can_be_sent(cls, token: str | None) -> str | None:
@@ -88,8 +124,8 @@ class Api(Section):
 
     @property
     def needs_token(self) -> bool:
-        """Whether clients must show a token: beyond loopback, or where one may read only."""
-        return not self.is_loopback or self.read_token is not None
+        """Whether clients must show a token: beyond loopback, or where tokens differ in what they may do."""
+        return not self.is_loopback or self.read_token is not None or self.tokens is not None
 
     @property
     def host(self) -> str:

@@ -8,10 +8,12 @@ from urllib.parse import quote
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 from starlette.responses import Response  # noqa: TC002 - FastAPI reads the annotations of handlers
 
+from pnfarm.api.access.rights import role_of
 from pnfarm.api.changes import changes_nothing
 from pnfarm.hub.hub import passed_on
 from pnfarm.hub.shards import AwayError, no_steps
 from pnfarm.web.bodies import PREFIX, read_object
+from pnfarm.web.paths import ROLE_KEY
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,7 +44,13 @@ class Passing:
             path: str = getattr(route, "path", "")
             if path.startswith(f"{PREFIX}/{self._below}"):
                 methods = sorted(route.methods)  # type: ignore[attr-defined]  # those of the API have it
-                app.add_api_route(path, self.answer, methods=methods, include_in_schema=False)
+                app.add_api_route(
+                    path,
+                    self.answer,
+                    methods=methods,
+                    include_in_schema=False,
+                    openapi_extra={ROLE_KEY: role_of(route).value},
+                )
                 # only describes it: the one before answers
                 app.router.routes.append(route)
 

@@ -11,7 +11,7 @@ from pnfarm.hub.scenario import HubRun
 from pnfarm.scenario.running import KeptScenarios, RunningScenario
 
 if TYPE_CHECKING:
-    from collections.abc import Coroutine, Mapping, Sequence
+    from collections.abc import Collection, Coroutine, Mapping, Sequence
 
     from pnfarm.drives.description.model import Model
     from pnfarm.hub.hosts.faults import HubFaults
@@ -36,11 +36,18 @@ class HubScenarios(KeptScenarios):
         self._hub = hub
         self._faults = faults
 
-    def start(self, text: str, variables: Mapping[str, Any] | None = None, *, part: bool = False) -> RunningScenario:
+    def start(
+        self,
+        text: str,
+        variables: Mapping[str, Any] | None = None,
+        *,
+        part: bool = False,
+        barred: Collection[str] = (),
+    ) -> RunningScenario:
         if part:
             raise ConfigError("part: is what a hub asks of a farm, and this is a hub; leave it out")
         self._hub.check_any()
-        return super().start(text, variables)
+        return super().start(text, variables, barred=barred)
 
     def _drives(self) -> Mapping[str, Model]:
         return {name: model_by_name(str(view["model"])) for name, view in self._hub.shards.views.items()}

@@ -12,6 +12,7 @@ from pnfarm.buses.profinet.device.modules import modules_view, plug_module, pull
 from pnfarm.web.bodies import Json, body_of, checked, read_object
 from pnfarm.web.errors import NotFoundError
 from pnfarm.web.paths import Paths
+from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -31,7 +32,7 @@ def add_modules(app: FastAPI, host: RouteHost) -> None:
         """The modules in a drive's slots."""
         return Json(_view(host.station(name)))
 
-    @path("PUT drives/{name}/modules/{slot}", PluggedView, body=body_of(ModulePlug))
+    @path("PUT drives/{name}/modules/{slot}", PluggedView, body=body_of(ModulePlug), role=Role.INJECT)
     async def plug(name: str, slot: int, request: Request) -> Json:
         """Plug a module: the one that was pulled, a telegram's, or one of any ident."""
         wanted = checked(await read_object(request), ModulePlug, hint="allowed: telegram, module_ident, substitute")
@@ -47,7 +48,7 @@ def add_modules(app: FastAPI, host: RouteHost) -> None:
         host.changed(station)
         return Json({**_view(station), "changed": changed})
 
-    @path("DELETE drives/{name}/modules/{slot}", ModulesView)
+    @path("DELETE drives/{name}/modules/{slot}", ModulesView, role=Role.INJECT)
     async def pull(name: str, slot: int, subslot: int | None = None) -> Json:
         """Pull a module, or one submodule of it."""
         station = host.station(name)

@@ -8,7 +8,15 @@ import typer
 
 from pnfarm.buses.profinet.commands.device import IpOption, OwnOption, device_of
 from pnfarm.terminal.numbers import LONG, WORD, number_of
-from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
+from pnfarm.terminal.settings import (
+    DEFAULT_URL,
+    ApiOption,
+    Format,
+    FormatOption,
+    TlsCaOption,
+    TokenOption,
+    help_without_command,
+)
 
 if TYPE_CHECKING:
     from pnfarm.buses.profinet.controller.module_client import DeviceModule
@@ -56,6 +64,7 @@ def show(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Show the modules in the slots of a drive of the running farm, or of any device on the wire."""
     from pnfarm.terminal.client import FarmClient
@@ -67,7 +76,7 @@ def show(
         raise typer.BadParameter("is for a device on the wire, with --interface", param_hint="--ip, --own-ip")
     if name is None:
         raise typer.BadParameter("is needed: a drive's, or a device's with --interface", param_hint="NAME")
-    with FarmClient(api, token) as farm:
+    with FarmClient(api, token, tls_ca) as farm:
         _print(farm.get("drives", name, "modules"), output)
 
 
@@ -78,13 +87,14 @@ def pull(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Pull a module or a submodule: its controller gets an alarm, its data are bad."""
     from pnfarm.terminal.client import FarmClient
 
     slot, subslot = _place(place)
     query = {} if subslot is None else {"subslot": subslot}
-    with FarmClient(api, token) as farm:
+    with FarmClient(api, token, tls_ca) as farm:
         _print(farm.delete("drives", name, "modules", str(slot), query=query), output)
 
 
@@ -105,6 +115,7 @@ def plug(
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
+    tls_ca: TlsCaOption = None,
 ) -> None:
     """Plug a module; without options the one that was pulled."""
     from pnfarm.terminal.client import FarmClient
@@ -114,7 +125,7 @@ def plug(
         body["telegram"] = telegram
     if module is not None:
         body["module_ident"] = module
-    with FarmClient(api, token) as farm:
+    with FarmClient(api, token, tls_ca) as farm:
         found = farm.put("drives", name, "modules", str(slot), body=body)
     if not found["changed"]:
         typer.echo(f"slot {slot} of {name} holds this module already; nothing was plugged", err=True)

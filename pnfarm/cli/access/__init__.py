@@ -1,0 +1,1 @@
+"""Commands about who may reach a farm: certificates, tokens, the audit log."""

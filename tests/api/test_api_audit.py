@@ -1,0 +1,285 @@
+"""The audit log: what it holds, that nothing is done without it, and that it cannot be changed without a trace."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+from functools import cached_property
+
+import anyio
+import pytest
+from api_world import ApiWorld, assert_problem
+
+from pnfarm.api.access import audit as audit_module
+from pnfarm.api.access.audit import FIRST, AuditLog, kept
+from pnfarm.api.access.audit_check import check_audit
+from pnfarm.api.access.token_file import TokenFile, add_token
+from pnfarm.cli.main import main
+from pnfarm.errors import ConfigError, EnvironmentError_
+from pnfarm.web.roles import Role
+
+FAULTS = "/api/v1/faults"
+FAULT = {"kind": "silence", "on": "axis-01"}
+
+
+class Run:
+    """A run of a farm with an audit log; ``ask`` changes something, ``end`` and ``kill`` end it."""
+
+    def __init__(self, folder):
+        self.file, self.note = folder / "audit.jsonl", folder / "state" / "audit-end.json"
+        self.log = AuditLog(self.file, self.note)
+        self.log.begin("line-1")
+
+    @cached_property
+    def world(self):
+        return ApiWorld(1, controller=False, audit=self.log)
+
+    def note_one(self):
+        """A request and its answer, without a farm."""
+
+        async def both():
+            await self.log.answer(await self.log.request({"path": "/"}), 200)
+
+        anyio.run(both)
+
+    def ask(self):
+        return self.world.post("/api/v1/reset")
+
+    def end(self):
+        anyio.run(self.log.close)
+
+    def kill(self):
+        self.log.release()
+
+    @property
+    def records(self):
+        return [json.loads(line) for line in self.file.read_text().splitlines()]
+
+
+@pytest.fixture
+def run(tmp_path):
+    found = Run(tmp_path)
+    yield found
+    found.kill()
+
+
+def test_each_change_has_a_record_before_it_and_one_for_its_answer(tmp_path):
+    secret = add_token(tmp_path / "tokens", "ci", Role.INJECT, None)
+    reads = add_token(tmp_path / "tokens", "wall", Role.READ, None)
+    log = AuditLog(tmp_path / "audit.jsonl")
+    world = ApiWorld(1, controller=False, audit=log, tokens=TokenFile(tmp_path / "tokens"))
+    body = json.dumps(FAULT).encode()
+    headers = {"Content-Type": "application/json", "Authorization": f"Bearer {secret}"}
+
+    async def main():
+        async with kept(log, "line-1"):
+            await anyio.to_thread.run_sync(ask)
+
+    def ask():
+        assert world.request("POST", f"{FAULTS}?dry_run=true", content=body, headers=headers).status_code == 200
+        assert world.request("POST", "/api/v1/reset", headers={"Authorization": f"Bearer {reads}"}).status_code == 403
+        assert world.get("/api/v1/drives", headers=headers).status_code == 200
+        assert world.request("POST", "/api/v1/reset", headers={"Authorization": "Bearer other"}).status_code == 401
+
+    anyio.run(main)
+    records = [json.loads(line) for line in (tmp_path / "audit.jsonl").read_text().splitlines()]
+    assert [one["record"] for one in records] == ["begin", "request", "answer", "request", "answer", "end"]
+    assert [one["sequence"] for one in records] == [1, 2, 3, 4, 5, 6]
+    begin, first, answered, refused, forbidden, _ = records
+    assert (begin["found"], begin["name"], begin["previous"]) == ("new", "line-1", FIRST)
+    asked = ("token", "role", "peer", "method", "path", "query", "body")
+    digest = hashlib.sha256(body).hexdigest()
+    assert [first[key] for key in asked] == ["ci", "inject", "127.0.0.1", "POST", FAULTS, "dry_run=true", digest]
+    assert (answered["of"], answered["status"]) == (2, 200)
+    assert (refused["token"], refused["role"], forbidden["status"]) == ("wall", "read", 403)
+    assert check_audit(tmp_path / "audit.jsonl").wrong == []
+    assert (tmp_path / "audit.jsonl").stat().st_mode & 0o777 == 0o600
+
+
+def test_the_handler_gets_the_body_that_was_read_and_a_body_without_end_none(run):
+    assert run.world.post(FAULTS, FAULT).status_code == 201
+    assert [record["record"] for record in run.records] == ["begin", "request", "answer"]
+    answer = run.world.request("POST", FAULTS, content=b"x" * 70_000, headers={"Content-Type": "application/json"})
+    assert_problem(answer, 413, "more than 65536 octets")
+    assert len(run.records) == 3
+
+
+@pytest.mark.parametrize("octets", [0, 40])
+def test_what_cannot_be_written_is_not_done_and_the_farm_goes_on(run, monkeypatch, octets):
+    """The disk is full, before a record or within it."""
+    assert run.ask().status_code == 200
+    before = run.file.read_bytes()
+    write = os.write
+
+    def full(file, data):
+        if file != run.log._file:
+            return write(file, data)
+        if octets:
+            return write(file, data[:octets])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(audit_module.os, "write", full)
+        answer = run.world.post(FAULTS, FAULT)
+        assert_problem(answer, 503, "nothing was changed", "no space left")
+        assert answer.headers["retry-after"]
+        assert run.world.get("/api/v1/drives").status_code == 200
+    assert run.world.faults.list() == []
+    assert run.file.read_bytes() == before
+    assert run.world.post(FAULTS, FAULT).status_code == 201
+    assert check_audit(run.file).wrong == []
+
+
+def test_an_answer_that_could_not_be_written_is_there_before_the_next_request(run, monkeypatch):
+    write = os.write
+
+    def no_answers(file, data):
+        if file == run.log._file and b'"answer"' in data:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return write(file, data)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(audit_module.os, "write", no_answers)
+        assert run.world.post(FAULTS, FAULT).status_code == 201
+        assert_problem(run.ask(), 503, "input/output error")
+    assert run.ask().status_code == 200
+    assert [(one["record"], one.get("of")) for one in run.records[1:]] == [
+        ("request", None),
+        ("answer", 2),
+        ("request", None),
+        ("answer", 4),
+    ]
+
+
+# -- from run to run
+
+
+def test_a_second_run_continues_the_file(run, tmp_path):
+    run.note_one()
+    run.end()
+    again = Run(tmp_path)
+    assert again.records[-1]["found"] == "continued"
+    assert again.records[-1]["noted"]["sequence"] == 4
+    again.kill()
+    found = check_audit(run.file)
+    assert (found.wrong, found.notes, found.records) == ([], [], 5)
+
+
+def cut(octets):
+    """Without its last two lines."""
+    return b"".join(octets.splitlines(keepends=True)[:-2])
+
+
+def other_peer(octets):
+    lines = octets.splitlines(keepends=True)
+    return b"".join([*lines[:-1], lines[-1].replace(b'"end"', b'"End"')])
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [(cut, "shortened"), (lambda _: b"", "shortened"), (other_peer, "changed"), (None, "missing")],
+)
+def test_a_run_says_when_the_end_of_the_file_is_not_as_it_was(run, tmp_path, change, found):
+    run.note_one()
+    run.end()
+    noted = {"sequence": run.log.sequence, "digest": run.log.digest}
+    if change is None:
+        run.file.unlink()
+    else:
+        run.file.write_bytes(change(run.file.read_bytes()))
+    again = Run(tmp_path)
+    begin = again.records[-1]
+    again.kill()
+    assert (begin["found"], begin["noted"]) == (found, noted)
+    # numbers go on behind the last one that is known
+    assert begin["sequence"] == 5
+    wrong = check_audit(run.file).wrong
+    assert any(f"found the file {found}" in one and noted["digest"] in one for one in wrong)
+
+
+def test_a_killed_run_leaves_no_more_than_notes(run, tmp_path):
+    run.note_one()
+    run.kill()
+    # the power failed within a line, behind what is on the disk for certain
+    with run.file.open("ab") as file:
+        file.write(b'{"sequence":4,"time":"2026')
+    again = Run(tmp_path)
+    again.note_one()
+    again.end()
+    found = check_audit(run.file)
+    assert found.wrong == []
+    assert len(found.notes) == 1
+    assert "it is not a record" in found.notes[0]
+
+
+def test_two_processes_do_not_write_one_file(run, tmp_path):
+    with pytest.raises(EnvironmentError_, match="written by another process"):
+        AuditLog(run.file)
+
+
+def test_a_file_that_is_no_audit_log_is_left_as_it_is(tmp_path):
+    (tmp_path / "notes").write_text("what I wanted to do\n")
+    with pytest.raises(ConfigError, match="is not an audit log"):
+        AuditLog(tmp_path / "notes")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ConfigError, match="not a regular file"):
+        AuditLog(tmp_path / "pipe")
+    with pytest.raises(ConfigError, match="cannot be opened: file exists"):
+        AuditLog(tmp_path / "notes" / "in")
+    assert (tmp_path / "notes").read_text() == "what I wanted to do\n"
+
+
+# -- the check
+
+
+@pytest.fixture
+def whole(run):
+    for _ in range(3):
+        run.note_one()
+    run.end()
+    return run.file
+
+
+def test_the_check_prints_what_to_note_and_finds_it_again(whole, capsys):
+    assert main(["audit", "check", str(whole)]) == 0
+    told = capsys.readouterr().out
+    assert "whole, 8 records, 3 requests" in told
+    last = told.splitlines()[-1].split()
+    assert last[:2] == ["last:", "8"]
+    assert main(["audit", "check", str(whole), "--noted", last[2]]) == 0
+    whole.write_bytes(cut(whole.read_bytes()))
+    capsys.readouterr()
+    # shortened at its end it is whole, but for who noted its end
+    assert main(["audit", "check", str(whole)]) == 0
+    assert main(["audit", "check", str(whole), "--noted", last[2]]) == 1
+    assert "shortened or written anew" in capsys.readouterr().out
+    assert main(["audit", "check", f"{whole}.none"]) == 2
+
+
+def lines_changed(whole, change):
+    lines = whole.read_bytes().splitlines(keepends=True)
+    change(lines)
+    whole.write_bytes(b"".join(lines))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda lines: lines.pop(3),
+        lambda lines: lines.pop(0),
+        lambda lines: lines.insert(2, lines[2]),
+        lambda lines: lines.__setitem__(2, lines[2].replace(b"200", b"403")),
+        lambda lines: lines.__setitem__(4, b"\n"),
+        lambda lines: lines.__setitem__(4, lines[4][:-20] + b"\n"),
+        lambda lines: lines.__setitem__(4, b"x" * 300_000 + b"\n"),
+        lambda lines: lines.__setitem__(slice(2, 4), lines[3:1:-1]),
+        lambda lines: lines.append(b'{"sequence":9'),
+    ],
+)
+def test_the_check_finds_each_change_inside_the_file(whole, change, capsys):
+    lines_changed(whole, change)
+    assert check_audit(whole).wrong
+    assert main(["audit", "check", str(whole), "--format", "json"]) == 1
+    assert json.loads(capsys.readouterr().out)["ok"] is False
