@@ -199,6 +199,18 @@ def test_a_run_says_when_the_end_of_the_file_is_not_as_it_was(run, tmp_path, cha
     assert any(f"found the file {found}" in one and noted["digest"] in one for one in wrong)
 
 
+def test_a_run_without_the_note_says_so(run, tmp_path):
+    run.note_one()
+    run.end()
+    run.note.unlink()
+    again = Run(tmp_path)
+    assert (again.records[-1]["found"], again.records[-1]["sequence"]) == ("unnoted", 5)
+    again.kill()
+    found = check_audit(run.file)
+    assert found.wrong == []
+    assert "no note of the file's end" in found.notes[0]
+
+
 def test_a_killed_run_leaves_no_more_than_notes(run, tmp_path):
     run.note_one()
     run.kill()

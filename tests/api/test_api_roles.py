@@ -89,6 +89,24 @@ def test_the_page_is_told_whether_its_token_may_change_something(tokens):
         assert f'"writes":{json.dumps(writes)}' in live
 
 
+def test_a_hub_holds_its_own_tokens_against_what_it_passes_on_and_what_it_does_itself(tmp_path):
+    path = tmp_path / "tokens"
+    secrets = {role: add_token(path, f"the-{role}", role, None) for role in Role}
+    world = HubWorld(("axis-{n:02}", 1), tokens=TokenFile(path))
+    for method, where, least in (
+        ("GET", "drives", Role.READ),
+        ("GET", "drives/axis-01", Role.READ),
+        ("POST", "drives/axis-01/power-cycle", Role.INJECT),
+        ("POST", "reset", Role.INJECT),
+        ("DELETE", "states/loaded", Role.ADMIN),
+    ):
+        for role in Role:
+            headers = {"Authorization": f"Bearer {secrets[role]}"}
+            answer = world.request(method, where, headers=headers)
+            assert (answer.status_code == 403) is not role.covers(least), (method, where, role, answer.text)
+    assert_problem(world.get("drives"), 401)
+
+
 # -- no route without a role
 
 

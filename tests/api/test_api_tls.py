@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import ssl
+import time
 from contextlib import asynccontextmanager
 from datetime import timedelta
 from functools import partial
@@ -26,7 +27,9 @@ from pnfarm.errors import ConfigError, RemoteError
 from pnfarm.farm.process.open_files import open_files
 from pnfarm.hub import Hub
 from pnfarm.hub.settings import url_of
+from pnfarm.library import Farm
 from pnfarm.terminal.client import FarmClient
+from pnfarm.testing import Rig
 from pnfarm.vocabulary.trust import client_context
 from pnfarm.web.roles import Role
 
@@ -77,6 +80,21 @@ def test_a_client_that_has_the_authority_is_answered_by_tls(world, made, monkeyp
             monkeypatch.setenv("PNFARM_TLS_CA", str(made.key))
             with pytest.raises(ConfigError, match=r"server\.key \(PNFARM_TLS_CA\) cannot be used: it holds no cert"):
                 await answer(f"https://localhost:{port}")
+
+    anyio.run(main)
+
+
+def test_the_library_takes_an_authority_as_the_commands_do(world, made):
+    async def main():
+        async with (
+            served(world, made) as port,
+            Farm.connect(f"https://localhost:{port}", tls_ca=made.authority) as farm,
+        ):
+            assert [drive.name for drive in farm.drives] == ["axis-01"]
+        with pytest.raises(ConfigError, match="nowhere cannot be used"):
+            Farm.connect(f"https://localhost:{port}", tls_ca="nowhere")
+        with pytest.raises(ConfigError, match="nowhere cannot be used"):
+            Rig(f"https://localhost:{port}", tls_ca="nowhere")
 
     anyio.run(main)
 
@@ -327,6 +345,26 @@ def test_who_does_not_say_goodbye_gives_way_as_well(world, made, monkeypatch):
                 await stream.send(back.read())
                 assert await stream.receive()
             assert (await answer(f"https://localhost:{port}", tls_ca=made.authority))["api"] == "v1"
+            for stream in held:
+                await stream.aclose()
+
+    anyio.run(main)
+
+
+def test_handshakes_begin_one_after_the_other_and_one_that_was_given_up_takes_no_turn(world, made, monkeypatch):
+    monkeypatch.setattr(tls, "PER_SECOND", 10.0)
+    monkeypatch.setattr(tls, "AT_ONCE", 1)
+
+    async def main():
+        async with served(world, made) as port:
+            began = time.monotonic()
+            async with anyio.create_task_group() as group:
+                for _ in range(6):
+                    group.start_soon(partial(answer, f"https://localhost:{port}", tls_ca=made.authority))
+            assert time.monotonic() - began > 0.4
+            monkeypatch.setattr(tls, "PER_SECOND", 0.02)
+            # the first of them takes its turn, of 50 s, and the farm ends before that
+            held = [await anyio.connect_tcp("127.0.0.1", port) for _ in range(3)]
             for stream in held:
                 await stream.aclose()
 

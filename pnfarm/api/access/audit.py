@@ -124,7 +124,7 @@ class AuditLog:
             self._append({"record": "begin", "pnfarm": __version__, "name": name, "found": self.found, "noted": before})
         except OSError as exc:
             raise EnvironmentError_(f"the audit log {self.path} cannot be written: {_why(exc)}") from exc
-        told = logger.warning if self.found in {"shortened", "changed", "missing"} else logger.info
+        told = logger.warning if self.found in {"shortened", "changed", "missing", "unnoted"} else logger.info
         told("audit log begun", file=str(self.path), found=self.found, sequence=self._sequence, digest=self._digest)
 
     async def close(self) -> None:
@@ -243,7 +243,10 @@ class AuditLog:
             return _Noted(0, "", -1)
 
     def _compare(self, noted: _Noted | None, *, was_there: bool) -> str:
-        """How the file is found: new, continued, missing, shortened or changed; torn if its last line is half there."""
+        """How the file is found: new, continued, missing, shortened or changed; torn if its last line is half there.
+
+        Unnoted: there is a place for the note of its end, and no note.
+        """
         if noted is not None:
             if not was_there:
                 return "missing"
@@ -254,7 +257,9 @@ class AuditLog:
                 return "changed"
         if self._size == 0:
             return "new"
-        return "continued" if os.pread(self._file, 1, self._size - 1) == b"\n" else "torn"
+        if os.pread(self._file, 1, self._size - 1) != b"\n":
+            return "torn"
+        return "unnoted" if noted is None and self._note_path is not None else "continued"
 
     def _lines_before(self, end: int) -> list[bytes]:
         """The lines of the last octets before ``end``, without what may be half a line at their begin."""

@@ -117,6 +117,8 @@ def _begin(found: Findings, number: int, record: dict[str, Any], open_requests: 
         noted = record.get("noted") or {}
         what = f"the run that begins here found the file {record['found']}"
         found.add(found.wrong, number, f"{what}: it had ended with {noted.get('sequence')} {noted.get('digest')}")
+    if record.get("found") == "unnoted":
+        found.add(found.notes, number, "the run that begins here found no note of the file's end in the state folder")
     for line in open_requests.values():
         found.add(found.notes, line, "the run ended before it answered this request")
     open_requests.clear()

@@ -147,8 +147,10 @@ class Connections:
     def stop(self) -> None:
         """End those that wait for a client, as the server stops."""
         for connection in list(self._idle):
-            self.gone(connection)
-            connection.transport.abort()
+            # one that closes may still have to send the end of its answer
+            if not connection.transport.is_closing():
+                self.gone(connection)
+                connection.transport.abort()
 
     def count(self, connection: Connection, reason: str) -> None:
         """It is closed, for this reason."""
@@ -195,8 +197,9 @@ class LimitedProtocol(H11Protocol):
     def _look(self) -> None:
         """Enter the connection's present phase and start its timer, which received octets do not restart."""
         if self.transport.is_closing():
-            # nothing is left to do for it: with TLS its client may still keep it open
-            self.registry.idle(self, idle=True)
+            if self.transport.get_write_buffer_size() == 0:
+                # nothing is left to do for it: with TLS its client may still keep it open
+                self.registry.idle(self, idle=True)
             return
         if self.cycle is None or self.cycle.response_complete:
             phase = _Phase.IDLE

@@ -26,6 +26,9 @@ __all__ = ["ServerTls", "TlsDoor", "door_of"]
 
 #: From a connection to the end of its handshake.
 HANDSHAKE_SECONDS = 10.0
+#: Handshakes that are begun in a second, and at once after a quiet time: each costs the farm's event loop about as much
+#: as a request, and a stranger could ask for any number.
+PER_SECOND, AT_ONCE = 200.0, 32
 #: For a client to say that it has seen the end.
 SHUTDOWN_SECONDS = 2.0
 #: Octets that wait for a client before the application does.
@@ -145,6 +148,24 @@ def _shaken(end: ssl.SSLObject) -> bool:
     return True
 
 
+class Pace:
+    """Lets the handshakes of one server begin one after the other, in the order of their coming."""
+
+    def __init__(self) -> None:
+        self._turn = asyncio.Lock()
+        self._next = 0.0
+
+    async def wait(self, transport: asyncio.Transport) -> None:
+        """Until it is this connection's turn, or it has been closed, which takes no turn."""
+        loop = asyncio.get_running_loop()
+        async with self._turn:
+            if transport.is_closing():
+                return
+            self._next = max(self._next, loop.time() - AT_ONCE / PER_SECOND) + 1 / PER_SECOND
+            if (left := self._next - loop.time()) > 0:
+                await asyncio.sleep(left)
+
+
 class TlsDoor(asyncio.Protocol):
     """A connection until its handshake is done; then a connection of the server has it.
 
@@ -153,6 +174,7 @@ class TlsDoor(asyncio.Protocol):
 
     registry: ClassVar[Connections]
     tls: ClassVar[ServerTls]
+    pace: ClassVar[Pace]
     served: ClassVar[type[asyncio.Protocol]]
 
     def __init__(self, **server: Any) -> None:
@@ -180,6 +202,7 @@ class TlsDoor(asyncio.Protocol):
     async def _shake(self) -> None:
         tls = None
         try:
+            await self.pace.wait(self.transport)
             if not self.transport.is_closing():
                 tls = await asyncio.get_running_loop().start_tls(
                     self.transport,
@@ -214,4 +237,4 @@ def _why(exc: OSError) -> str:
 
 def door_of(connections: Connections, tls: ServerTls, served: type[asyncio.Protocol]) -> type[TlsDoor]:
     """The class of one server's connections before they are ``served``."""
-    return type("ServedDoor", (TlsDoor,), {"registry": connections, "tls": tls, "served": served})
+    return type("ServedDoor", (TlsDoor,), {"registry": connections, "tls": tls, "pace": Pace(), "served": served})
