@@ -39,7 +39,7 @@ EXCLUSIVE = (
     "cli/test_cli_log_limit.py", "cli/test_cli_memory.py", "cli/test_cli_run_library.py",
     "cli/test_cli_run_rigs.py", "cli/test_cli_running.py", "cli/test_cli_verify_wire.py",
     "engine/test_engine_realtime.py", "engine/test_engine_replay.py", "farm/test_farm_library.py",
-    "farm/test_farm_machine.py", "farm/test_postgres_memory.py", "library/test_library_real.py",
+    "farm/test_machine_failures.py", "farm/test_postgres_memory.py", "library/test_library_real.py",
     "testing/test_pytest_examples.py", "faults/test_fault_real_link.py", "interop", "links", "opcua/test_opcua_farm.py",
     "soak/test_soak_real.py", "test_rig_dashboards.py",
     "test_rig_files.py",

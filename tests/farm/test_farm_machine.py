@@ -1,159 +1,107 @@
-"""What goes wrong with the machine below a farm: its disk, its network card, its descriptors, its processor.
+"""The machine of a farm file: switches, cams and end stops at their places, as a controller meets them."""
 
-A farm and its controller run as processes on a cable of their own; the drives go on, or come back by themselves.
-"""
-
-from __future__ import annotations
-
-import os
-import resource
-import subprocess
-import time
-from collections.abc import Callable
-from pathlib import Path
+import json
 
 import pytest
-from farm_programs import SECONDS, Program, stopped, two_programs
+from farm_file import CONFIGS, GOOD, parse, the_issue
+from hand_line import HandLine
 
-FILE = """
-farm: machine
-link: {{kind: macvlan, parent: stall0}}
-api: 127.0.0.1:8702
-state: {folder}
-drives:
-  - {{name: "axis-{{n:02}}", count: 2, model: akd-profinet, ip: 10.77.0.11/16}}
-controller:
-  {{name: plc, ip: 10.77.255.1/16, interface: stall1, cycle: 16ms, watchdog_factor: 16,
-    program: {{kind: sine, acknowledge_after: 100ms}}}}
-"""
-#: Of both sides: 16 cycles of 16 ms.
-WATCHDOG_SECONDS = 0.256
-#: What asyncio says where it has no file for a connection.
-NO_FILE = "socket.accept() out of system resource"
+from pnfarm.farm.file.reading import expand, load_farm
+
+MACHINE = "{limit_switches: [-100, 200], end_stops: [-110, 210], cams: [{input: 0, between: [40, 50]}]}"
+MOVES = "{lead: 10, gear: 2}"
+HOMED, AT_REST, WARNING = 0x0800, 0x2000, 0x0080
+#: DRIVE_INPUTS (AKD PROFINET manual 5.8.1).
+POSITIVE_SWITCH = 0x8
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """A file system of its own, of 1 MB."""
-    if os.geteuid() != 0:
-        pytest.skip("needs root to mount a file system and to make a network namespace")
-    folder = tmp_path_factory.mktemp("memory")
-    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "pnfarm-test", str(folder)], check=True)
-    yield folder
-    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+def line(**params):
+    named = {"DRV.OPMODE": 2, "HOME.V_32": 300_000, **params}
+    text = ", ".join(f"{name}: {value}" for name, value in named.items())
+    return HandLine(telegram=9, params=f"{{{text}}}", machine=MACHINE, load=MOVES)
 
 
-@pytest.fixture(scope="module")
-def both(folder, tmp_path_factory):
-    """The processes of the farm and of its controller."""
-    with two_programs(tmp_path_factory.mktemp("log"), FILE.format(folder=folder)) as programs:
-        programs[0].wait("ar established", 2)
-        yield programs
+def homed(plc, within=30.0):
+    plc.enable_axis(0x043F)
+    plc.send(0x0C3F)
+    plc.until(HOMED | AT_REST, within)
+    plc.run(0.2)
+    #: mm from where the farm began; 5 mm to a turn of the motor
+    return float(plc.axis.homing.origin) * 5.0
 
 
-@pytest.fixture
-def farm(both):
-    """The farm, with both drives in operation; they are again when the test has ended."""
-    running(both[0])
-    yield both[0]
-    running(both[0])
+def test_5_10_3_home_mode_4_finds_the_cam_on_the_input_whose_mode_is_home_switch():
+    plc = line(**{"HOME.MODE": 4, "DIN1.MODE": 11})
+    assert homed(plc) == pytest.approx(40.0, abs=0.1)
+    assert 0.0 < plc.place < 0.1, "it brakes behind the edge"
 
 
-def until(holds: Callable[[], bool], farm: Program) -> None:
-    """Wait for it, with the farm alive."""
-    end = time.monotonic() + SECONDS
-    while not holds():
-        assert farm.process.poll() is None
-        assert time.monotonic() < end, farm.log()
-        time.sleep(0.05)
+def test_5_10_3_an_input_of_another_mode_is_no_home_switch():
+    plc = line(**{"HOME.MODE": 4})
+    plc.enable_axis(0x043F)
+    plc.send(0x0C3F)
+    plc.run(30.0)
+    assert not plc.zsw1 & HOMED, "it went to the positive switch, and back to the negative one"
+    assert plc.zsw1 & AT_REST
+    assert plc.axis.machine.limit_switch == 1
 
 
-def running(farm: Program) -> None:
-    """Wait until both drives are in operation."""
-    until(lambda: {drive["state"] for drive in farm.ask("GET", "drives")[1]["drives"]} == {"S4"}, farm)
+def test_5_8_1_the_limit_switch_at_its_place_warns_and_shows_in_drive_inputs():
+    plc = line(**{"HOME.MODE": 1})
+    store = plc.farm.axes[0].store
+    plc.enable_axis(0x043F)
+    plc.send(0x0C3F)
+    plc.until(WARNING)
+    assert store.get("DRIVE_INPUTS") & POSITIVE_SWITCH
+    assert store.get("HWLS.POSSTATE") == 1
+    plc.until(HOMED | AT_REST)
+    assert float(plc.axis.homing.origin) * 5.0 == pytest.approx(200.0, abs=0.3)
+    assert not store.get("DRIVE_INPUTS") & POSITIVE_SWITCH
 
 
-def ended(farm: Program) -> list[dict]:
-    """The connections that ended, but for those that this machine ended: it stood for nearly the whole watchdog."""
-    return [entry for entry in farm.events("ar aborted") if entry["farm_late_seconds"] < WATCHDOG_SECONDS * 0.8]
+def test_a_machine_keeps_its_places_over_a_power_cycle():
+    plc = line(**{"HOME.MODE": 4, "DIN1.MODE": 11})
+    before = homed(plc)
+    station = plc.farm.axes[0]
+    station.station.power_off(plc.world.now)
+    plc.run(1.0)
+    station.station.power_on(plc.world.now)
+    plc.connect(10.0)
+    plc.run(0.1)
+    assert not plc.zsw1 & HOMED
+    assert homed(plc) == pytest.approx(before, abs=0.1)
 
 
-def fill(folder: Path) -> Callable[[], None]:
-    """No octet is free."""
-    with (folder / "full").open("wb", buffering=0) as file:
-        try:
-            while file.write(b"\0" * 4096) == 4096:
-                pass
-        except OSError:
-            pass
-    return (folder / "full").unlink
+def test_the_example_of_a_machine_homes_at_its_home_switch():
+    drive = load_farm(CONFIGS / "linear-axis.pnfarm.yml").drives[0]
+    plc = HandLine(
+        telegram=drive.telegram,
+        params=json.dumps(drive.params),
+        machine=drive.machine.model_dump_json(),
+        load=drive.load.model_dump_json(exclude_none=True),
+    )
+    assert homed(plc) == pytest.approx(40.0, abs=0.1)
 
 
-def lock(folder: Path) -> Callable[[], None]:
-    """Nothing can be written to the saved states."""
-    states = str(folder / "states")
-    subprocess.run(["mount", "--bind", states, states], check=True)
-    subprocess.run(["mount", "-o", "remount,bind,ro", states], check=True)
-    return lambda: subprocess.run(["umount", "--lazy", states], check=True)
+def test_a_position_is_a_turn_behind_the_gear_where_there_is_no_spindle():
+    drive = expand(parse(GOOD.replace("inertia: 2.0e-4", "gear: 4")))[0]
+    assert drive.load.revolutions(0.0) == 4.0
+    assert drive.load.revolutions(32.0) == 1 / 32.0
 
 
-@pytest.mark.parametrize("broken", [fill, lock])
-def test_a_disk_that_takes_nothing_refuses_saves_in_words_and_stops_no_drive(farm, folder, broken):
-    count = len(ended(farm))
-    assert farm.ask("PUT", "states/before")[0] == 200
-    mend = broken(folder)
-    for name in ("later", "before"):
-        status, answer = farm.ask("PUT", f"states/{name}")
-        assert status == 503
-        assert f"cannot write state {name} in {folder}" in answer["detail"]
-    running(farm)
-    assert len(ended(farm)) == count
-    mend()
-    assert farm.ask("PUT", "states/later")[0] == 200
-    # the one that could not be written anew is as it was
-    assert farm.ask("POST", "states/before/restore")[0] == 200
-
-
-@pytest.mark.parametrize("card", ["stall0", "stall1"], ids=["of the farm", "of the controller"])
-def test_drives_are_back_behind_a_network_card_that_was_down(farm, card):
-    aborted, established = len(farm.events("ar aborted")), len(farm.events("ar established"))
-    farm.shell(f"ip link set {card} down")
-    farm.wait("ar aborted", aborted + 2)
-    farm.shell(f"ip link set {card} up")
-    farm.wait("ar established", established + 2)
-
-
-def test_a_farm_without_descriptors_says_so_once_a_second_and_its_drives_go_on(farm):
-    count, said = len(ended(farm)), len(farm.events(NO_FILE))
-    process = farm.process.pid
-    used = len(list(Path(f"/proc/{process}/fd").iterdir()))
-    before = resource.prlimit(process, resource.RLIMIT_NOFILE)
-    resource.prlimit(process, resource.RLIMIT_NOFILE, (used, before[1]))
-    try:
-        begin = time.monotonic()
-        with farm.asking("drives"):
-            farm.wait(NO_FILE, said + 2)
-        seconds = time.monotonic() - begin
-    finally:
-        resource.prlimit(process, resource.RLIMIT_NOFILE, before)
-    assert len(farm.events(NO_FILE)) - said <= 2 + seconds / 0.5
-    running(farm)
-    assert len(ended(farm)) == count
-
-
-def test_a_farm_that_gets_a_third_of_a_processor_keeps_its_connections(farm):
-    count = len(ended(farm))
-    for _ in range(20):
-        stopped(0.06, farm)
-        time.sleep(0.03)
-    running(farm)
-    assert len(ended(farm)) == count
-
-
-def test_a_farm_that_stood_for_two_seconds_takes_the_blame_and_has_its_drives_back(farm):
-    aborted, established = len(farm.events("ar aborted")), len(farm.events("ar established"))
-    stopped(2.0, farm)
-    entries = farm.wait("ar aborted", aborted + 2)[aborted:]
-    assert {entry["cause"] for entry in entries} == {"farm"}
-    assert min(entry["farm_late_seconds"] for entry in entries[:2]) > 1.9
-    farm.wait("ar established", established + 2)
+@pytest.mark.parametrize(
+    ("machine", "field", "what"),
+    [
+        ("{limit_switches: [10, 20]}", "limit_switches", "no room around 0"),
+        ("{end_stops: [null, 0]}", "end_stops", "no room around 0"),
+        ("{end_stops: [-1]}", "end_stops", "two positions"),
+        ("{cams: [{input: 0, between: [5, 5]}]}", "cams[0].between", "ends before it begins"),
+        ("{cams: [{input: 32, between: [5, 6]}]}", "cams[0].input", ""),
+        ("{stops: [-1, 1]}", "stops", "did you mean"),
+        ("{cams: [" + ", ".join("{input: 0, between: [1, 2]}" for _ in range(5)) + "]}", "cams", "up to 4"),
+    ],
+)
+def test_a_machine_that_cannot_be_is_refused(machine, field, what):
+    issue = the_issue(GOOD.replace("    limits:", f"    machine: {machine}\n    limits:"))
+    assert issue.field == f"drives[0].machine.{field}"
+    assert what in issue.what + issue.allowed
