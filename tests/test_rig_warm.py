@@ -108,6 +108,23 @@ def test_a_cache_that_cannot_be_written_is_no_failure(tmp_path, monkeypatch):
     assert not is_cached()
 
 
+#: Loads the drive's step, and writes whether Numba's library of compiled functions was imported for it.
+LOADS = """
+import sys
+from pnfarm.engine.columns import allocate
+allocate(images=1, axes=1)
+print("numba.np.linalg" in sys.modules)
+"""
+
+
+def test_a_start_with_kept_machine_code_does_not_load_the_compiler():
+    # the first one compiles where nothing is kept
+    for _ in range(2):
+        run = python("-c", LOADS, NUMBA_DISABLE_JIT="0")
+        assert run.returncode == 0, run.stderr
+    assert run.stdout == "False\n"
+
+
 ALL = dict.fromkeys(NEEDED, True)
 
 
