@@ -67,7 +67,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "start-cpu": Benchmark(
         start_cpu,
         0.0,
-        _figures("start-cpu", "made", "connected", "system-made", "system-connected", "interpreter"),
+        _figures("start-cpu", "process", "made", "connected", "system-made", "system-connected", "interpreter"),
     ),
     "connect-storm": Benchmark(
         storm,

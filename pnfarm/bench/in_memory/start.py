@@ -1,7 +1,7 @@
 """The benchmark ``start-cpu``: what a start costs, farm and controller together, in memory and virtual time.
 
-Only the CPU of this process counts, beside a loop of the interpreter that is measured before and behind each start:
-other work on the machine changes both alike.
+Only CPU counts, beside a loop of the interpreter that is measured before and behind each start: other work on the
+machine changes both alike.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import gc
 import time
 from typing import TYPE_CHECKING
 
-from pnfarm.bench.line import DRIVES, FARM_CPU, farm_file
+from pnfarm.bench.line import DRIVES, FARM_CPU, Child, farm_file
 from pnfarm.bench.loops import interpreter_loop
 from pnfarm.bench.multi_axis import AXES, CYCLE, SEVERAL, WATCHDOG
 from pnfarm.bench.result import Result, Windows
@@ -23,7 +23,7 @@ __all__ = ["start_cpu"]
 
 #: Stations of a start, with one axis and with eight.
 SINGLE, SYSTEMS = 64, 8
-STARTS = 8
+STARTS = 6
 
 
 def _started(stations: int, cycle: str, watchdog: int, drives: str) -> tuple[float, float]:
@@ -43,16 +43,27 @@ def _started(stations: int, cycle: str, watchdog: int, drives: str) -> tuple[flo
     return (made - begin) * 1e3 / stations, (end - made) * 1e3 / stations
 
 
+def _process() -> float:
+    """CPU of a new process until its farm is up, s; interfaces and a start's frames are not in it."""
+    file = farm_file(SYSTEMS, CYCLE, WATCHDOG, FARM_CPU, in_memory=True, stations=SEVERAL)
+    child = Child("farm", FARM_CPU, file=file)
+    try:
+        return float(child.answer()["cpu"])
+    finally:
+        child.close()
+
+
 def start_cpu(seconds: float, load: Load) -> list[Result]:
-    """A start of AKDs, and one of drive systems of eight axes, in turn."""
+    """A process, a start of AKDs, and one of drive systems of eight axes, in turn."""
     del seconds
     # loads the machine code, and what a process works out once
     _started(1, "16ms", 16, DRIVES)
     _started(1, CYCLE, WATCHDOG, SEVERAL)
-    single, systems, loops = [], [], []
+    processes, single, systems, loops = [], [], [], []
     for _ in range(STARTS):
         with load:
             loops.append(interpreter_loop())
+            processes.append(_process())
             single.append(_started(SINGLE, "16ms", 16, DRIVES))
             systems.append(_started(SYSTEMS, CYCLE, WATCHDOG, SEVERAL))
             loops.append(interpreter_loop())
@@ -64,7 +75,9 @@ def start_cpu(seconds: float, load: Load) -> list[Result]:
         return windows.row(name, unit, windows.over(loop))
 
     unit, system = "ms of CPU for each drive", f"ms of CPU for each station of {AXES} axes"
+    process = Windows(processes)
     return [
+        process.row("start-cpu-process", "s of CPU until a farm is up", process.over(loop) * 1e3),
         row("start-cpu-made", [made for made, _ in single], unit),
         row("start-cpu-connected", [connected for _, connected in single], unit),
         row("start-cpu-system-made", [made for made, _ in systems], system),
