@@ -141,6 +141,23 @@ def test_where_nothing_can_be_written_machine_code_is_loaded_and_the_rest_is_com
     assert sorted(tmp_path.rglob("*.nbi")) == kept
 
 
+#: Loads the drive's step, and writes whether Numba's library of compiled functions was imported for it.
+LOADS = """
+import sys
+from pnfarm.engine.columns import allocate
+allocate(images=1, axes=1)
+print("numba.np.linalg" in sys.modules)
+"""
+
+
+def test_a_start_with_kept_machine_code_does_not_load_the_compiler():
+    # the first one compiles where nothing is kept
+    for _ in range(2):
+        run = python("-c", LOADS, NUMBA_DISABLE_JIT="0")
+        assert run.returncode == 0, run.stderr
+    assert run.stdout == "False\n"
+
+
 ALL = dict.fromkeys(NEEDED, True)
 
 

@@ -9,6 +9,7 @@ from pnfarm.bench.cyclic import WAYS, akd_1024, flat, frame_cost, full_port, mem
 from pnfarm.bench.devices import devices
 from pnfarm.bench.enip import enip_64
 from pnfarm.bench.first_start import first_start
+from pnfarm.bench.in_memory.start import start_cpu
 from pnfarm.bench.in_memory.virtual import firmware, scrape, trace, virtual_time
 from pnfarm.bench.latency import fault_latency
 from pnfarm.bench.load import Load
@@ -62,6 +63,11 @@ BENCHMARKS: dict[str, Benchmark] = {
         start_1024,
         0.0,
         ("start-1024", *_figures("start-1024", "farm", "farm-64", "ratio", "frames", "frames-64", "interpreter")),
+    ),
+    "start-cpu": Benchmark(
+        start_cpu,
+        0.0,
+        _figures("start-cpu", "process", "made", "connected", "system-made", "system-connected", "interpreter"),
     ),
     "connect-storm": Benchmark(
         storm,

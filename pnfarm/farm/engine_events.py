@@ -94,7 +94,7 @@ class EngineEvents:
     def _take(self, kind: int, row: int, when: int, value: int, now: int) -> Station | None:
         """Pass one on; the station that it concerns."""
         if kind in _OF_CONSUMERS:
-            station = self._stations[int(self._columns.cpm[row].image)]
+            station = self._stations[int(self._columns.cpm[row]["image"])]
             return station if station.device.channel_event(kind, row, when, value, now) else None
         match kind:
             case engine_row.TRACE_TRIGGERED:

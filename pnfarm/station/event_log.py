@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import structlog
+
+from pnfarm.wire.value import value_class
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,7 +29,7 @@ DRIVE_ENTRIES = 64
 logger = structlog.get_logger("pnfarm")
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class LogEntry:
     """``now_ns`` is the farm's clock, monotonic or virtual; ``wall`` seconds since the epoch; ``drive`` "" the farm."""
 

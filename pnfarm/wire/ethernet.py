@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pnfarm.wire.octets import Reader, Writer
+from pnfarm.wire.value import value_class
 
 __all__ = [
     "ETHERTYPE_ARP",
@@ -46,7 +47,7 @@ class VlanTag:
     vid: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class EthernetFrame:
     """One frame.
 

@@ -6,12 +6,12 @@ Options are skipped on reception and never sent.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from functools import lru_cache
 from ipaddress import IPv4Address
 
 from pnfarm.errors import DecodeError
 from pnfarm.wire.octets import Reader, pack
+from pnfarm.wire.value import value_class
 
 __all__ = [
     "HEADER_LENGTH",
@@ -41,7 +41,7 @@ _DONT_FRAGMENT = 0x4000
 _MORE_FRAGMENTS = 0x2000
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class Ipv4Packet:
     """One packet; ``fragment_offset`` counts octets and is a multiple of 8, ``tos`` is the DSCP and ECN octet."""
 

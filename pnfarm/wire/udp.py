@@ -8,13 +8,13 @@ a caller can drop damaged datagrams.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
 from pnfarm.wire.ipv4 import PROTOCOL_UDP, internet_checksum
 from pnfarm.wire.octets import Reader, pack
+from pnfarm.wire.value import value_class
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -38,7 +38,7 @@ class ChecksumState(Enum):
     BAD = "bad"
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class UdpDatagram:
     """One datagram."""
 

@@ -310,6 +310,17 @@ def test_5_8_signals_that_no_telegram_brings_count_once_their_pnu_is_written(akd
     assert (received[HOME_MODE], received[HOME_DIST], received[MT_FEEDRATE]) == (7, -65536, 50)
 
 
+def test_a_telegram_that_is_plugged_again_applies_again(akd: Drive) -> None:
+    akd.store.plug_telegram(7)
+    before = akd.axis.tobytes()
+    akd.store.write(103, 0, [7])
+    akd.store.write(101, 0, [50])
+    akd.axis.drive.settings.opmode = 1
+    assert akd.axis.tobytes() != before
+    akd.store.plug_telegram(7)
+    assert akd.axis.tobytes() == before
+
+
 def test_5_8_signals_of_the_telegram_are_read_in_the_parameters_that_they_change(running: Running) -> None:
     store, received = running.drive.store, running.image.received
     store.plug_telegram(353)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.engine.channels.parts import Piece, Rider
 from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
+from pnfarm.wire.value import value_class
 
 if TYPE_CHECKING:
     from collections.abc import Container, Mapping, Sequence
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["Carrier", "FrameLayout", "frame_layout"]
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class Carrier:
     """One axis's part of a frame: the ``words`` of its telegram in its ``slots``, None for all; its process image."""
 
@@ -27,7 +27,7 @@ class Carrier:
     feeds: bool = True
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class FrameLayout:
     """Offsets count from the first octet of IO data.
 

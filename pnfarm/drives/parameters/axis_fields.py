@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pnfarm.drives.parameters.control_limits import apply_control_limits
 from pnfarm.drives.parameters.factor_group import apply_factor_group, float_bits, float_of
@@ -57,9 +57,12 @@ from pnfarm.table.signals import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Hashable
+
     from pnfarm.drives.axis_handle import AxisHandle
     from pnfarm.drives.parameters.stored_values import StoredValues
     from pnfarm.drives.telegrams.selection import TelegramSelection
+    from pnfarm.drives.telegrams.telegram import Signal
 
 __all__ = ["AxisFields"]
 
@@ -107,6 +110,19 @@ IMMEDIATE = 1e12
 
 #: Drives with the same model, parameters and telegram, as they are before the farm starts.
 _NEW_DRIVES: FreshRows[int] = FreshRows()
+
+
+class _OfTelegram(NamedTuple):
+    """Fields by their keys, the same to compare with, and the words of stored parameters, whose values may differ."""
+
+    fields: tuple[tuple[str, Any], ...]
+    patch: Patch
+    stored: list[Signal]
+
+
+#: What a telegram writes, by what it depends on.
+_TELEGRAMS: dict[Hashable, _OfTelegram] = {}
+MOST_TELEGRAMS = 256
 
 
 @lru_cache(maxsize=64)
@@ -211,42 +227,68 @@ class AxisFields:
 
     def apply_telegram(self) -> None:
         """Write what comes with the telegram in force: operation mode, tasks, velocity set point, bit of ZSW2."""
-        axis, telegram = self._handle.axis, self._selection.telegram
-        settings = axis.profidrive.settings
-        if telegram.opmode is not None:
-            axis.drive.settings.opmode = telegram.opmode
+        key = Same(self._values.model), self._selection.words_key, self.fallback(MDI_ACC)
+        known = _TELEGRAMS.get(key)
+        if known is None:
+            known = _TELEGRAMS[key] = self._of_telegram()
+            if len(_TELEGRAMS) > MOST_TELEGRAMS:
+                del _TELEGRAMS[next(iter(_TELEGRAMS))]
+        # mostly it is there: with each connection the telegram is plugged again, and is the one from before
+        if not known.patch.stands_in(self._handle.axis):
+            for name, value in known.fields:
+                AXIS.write(self._handle.axis, name, value)
+        if known.stored:
+            self._apply_shown()
+
+    def _of_telegram(self) -> _OfTelegram:
+        """What :meth:`apply_telegram` writes."""
+        telegram, setpoints = self._selection.telegram, self._selection.mapping(setpoint=True)
         slots = self._mapped_slots()
-        settings.task_form = telegram.tasks
-        settings.real_tasks = any(one is not None and one.real for one in self._selection.mapping(setpoint=True))
-        if telegram.tasks == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
-            settings.task_form = TASKS_TABLE
-        settings.torque_signals = sum((slot in slots) << bit for bit, slot in enumerate(_TORQUE_SIGNALS))
-        settings.object = object_of(self._selection.mapping(setpoint=True))
-        settings.position_words = {OVERRIDE, POS_STW2} <= slots
         bit_names = self._values.model.profidrive.bit_names
-        settings.inverts = "invert_setpoint" in bit_names("STW1", telegram.number)
-        for place, word in enumerate(_POSITION_WORDS):
-            names = bit_names(word, telegram.number)
-            settings.position_bits[place] = sum((name != "") << bit for bit, name in enumerate(names))
-        settings.jog_signals = (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1
-        axis.interpolation.settings.servo_control = (telegram.opmode or POSITION_MODE) if {XERR, KPC} <= slots else 0
-        settings.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
-        settings.feedrate_signal = MT_FEEDRATE in slots
-        settings.spare_acceleration = self.fallback(MDI_ACC)
-        settings.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
-        settings.parameter_channel = self._selection.frame.parameter_words > 0
-        self._apply_shown()
-        settings.velocity_signal = (
-            VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
-        )
+        task_form = telegram.tasks
+        if task_form == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
+            task_form = TASKS_TABLE
+        shows, stored = self._shows()
+        fields: dict[str, Any] = {
+            "profidrive.task_form": task_form,
+            "profidrive.real_tasks": any(one is not None and one.real for one in setpoints),
+            "profidrive.torque_signals": sum((slot in slots) << bit for bit, slot in enumerate(_TORQUE_SIGNALS)),
+            "profidrive.object": object_of(setpoints),
+            "profidrive.position_words": {OVERRIDE, POS_STW2} <= slots,
+            "profidrive.inverts": "invert_setpoint" in bit_names("STW1", telegram.number),
+            "profidrive.position_bits": [
+                sum((name != "") << bit for bit, name in enumerate(bit_names(word, telegram.number)))
+                for word in _POSITION_WORDS
+            ],
+            "profidrive.jog_signals": (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1,
+            "interpolation.servo_control": (telegram.opmode or POSITION_MODE) if {XERR, KPC} <= slots else 0,
+            "profidrive.home_signals": (HOME_MODE in slots) | (HOME_DIST in slots) << 1,
+            "profidrive.feedrate_signal": MT_FEEDRATE in slots,
+            "profidrive.spare_acceleration": self.fallback(MDI_ACC),
+            "profidrive.pulses_enabled": 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled,
+            "profidrive.parameter_channel": self._selection.frame.parameter_words > 0,
+            "profidrive.shows": shows,
+            "profidrive.velocity_signal": VELOCITY_NSOLL_B
+            if NSOLL_B in slots
+            else VELOCITY_REF_SPEED
+            if REF_SPEED in slots
+            else VELOCITY_NSOLL_A,
+        }
+        if telegram.opmode is not None:
+            fields["drive.opmode"] = telegram.opmode
+        return _OfTelegram(tuple(fields.items()), Patch(AXIS, fields.items()), stored)
+
+    def _shows(self) -> tuple[int, list[Signal]]:
+        """The field ``shows``, and the mapped words that are stored parameters."""
+        shown = {signal for signal in self._selection.mapping(setpoint=False) if signal is not None}
+        stored = [signal for signal in shown if signal.stored]
+        smoothed = any(signal.slot in _SMOOTHED for signal in shown)
+        return any(signal.readable for signal in shown) | bool(stored) << 1 | smoothed << 2, stored
 
     def _apply_shown(self) -> None:
         """Mapped words that are not actual values: set points echoed as received, and stored parameters."""
         values, settings = self._values, self._handle.axis.profidrive.settings
-        shown = {signal for signal in self._selection.mapping(setpoint=False) if signal is not None}
-        stored = [signal for signal in shown if signal.stored]
-        smoothed = any(signal.slot in _SMOOTHED for signal in shown)
-        settings.shows = any(signal.readable for signal in shown) | bool(stored) << 1 | smoothed << 2
+        settings.shows, stored = self._shows()
         for signal in stored:
             parameter = values.model.parameters[signal.number]
             raw = values.array(parameter)[signal.element] if parameter.elements else values.raw(signal.number)
@@ -275,6 +317,8 @@ class AxisFields:
         With ``ended`` the telegram is no longer received, and the parameters apply again.
         """
         mapped = self._mapped_slots()
+        if mapped.isdisjoint(_HOME_SIGNALS):
+            return
         for parameter in self._values.model.axis_parameters:
             slot = _CHANGED_BY.get(parameter.argument)
             if slot not in _HOME_SIGNALS or slot not in mapped:

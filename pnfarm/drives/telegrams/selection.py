@@ -44,6 +44,13 @@ class TelegramSelection:
         return self._plugged, self._module, self._supplement.number
 
     @property
+    def words_key(self) -> tuple[object, ...]:
+        """What the telegram and its words depend on, for drives of one model."""
+        stored = self._values.current
+        elements = self._elements(setpoint=True), self._elements(setpoint=False)
+        return *self.key, self.number, stored.get(SETPOINT_MAPPING), stored.get(ACTUAL_MAPPING), *elements
+
+    @property
     def number(self) -> int:
         """The number of the plugged module's telegram, or that of PNU 922 while none is plugged.
 

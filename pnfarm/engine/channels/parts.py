@@ -8,10 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pnfarm.wire.value import value_class
+
 __all__ = ["Piece", "Rider"]
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class Rider:
     """The part of a further axis in a channel's frames: words and statuses as in the plans, its own process image."""
 

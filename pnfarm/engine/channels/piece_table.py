@@ -25,12 +25,12 @@ class PieceTable:
 
     def leave(self, row: Any) -> None:
         """A channel's row no longer needs its pieces; the engine may be using them."""
-        if row.pieces:
-            self._left.append((int(row.piece), int(self._columns.engine[0].cycles)))
+        if row["pieces"]:
+            self._left.append((int(row["piece"]), int(self._columns.engine[0]["cycles"])))
 
     def put(self, row: Any, pieces: Sequence[Piece], plain: int, start: int) -> None:
         """Give a channel's row other pieces, of row ``plain``; ``start``: of the IO data, as its words count."""
-        cycles = int(self._columns.engine[0].cycles)
+        cycles = int(self._columns.engine[0]["cycles"])
         self._release([entry for entry in self._left if entry[1] != cycles])
         self.leave(row)
         # also of a channel without pieces yet: the station lays its frames out again

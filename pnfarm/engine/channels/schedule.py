@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pnfarm.engine.channels.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
@@ -34,6 +33,7 @@ from pnfarm.table.plain_data import NOT_TAKEN, PLAIN_OCTETS
 from pnfarm.table.signals import PART_HIGH, WORD_NONE
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import SEND_CLOCK_NS
+from pnfarm.wire.value import value_class
 
 __all__ = ["ChannelTable", "ConsumerPlan", "ProviderPlan"]
 
@@ -41,7 +41,7 @@ __all__ = ["ChannelTable", "ConsumerPlan", "ProviderPlan"]
 RT_TAG = 0xC000
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class ProviderPlan:
     """What a provider sends.  All offsets count from the first octet of IO data.
 
@@ -95,7 +95,7 @@ class ProviderPlan:
         return self.destination + self.source + tag + kind + self.frame_id.to_bytes(2, "big")
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class ConsumerPlan:
     """What a consumer takes.  Offsets count from the first octet of IO data.
 
@@ -171,12 +171,13 @@ def _check(
 
 def _data_end(provider: Any) -> int:
     """Where the data of a provider's frame end."""
-    return int(provider.length) - (TRAILER if provider.framing == FRAMING_RTC else 0)
+    return int(provider["length"]) - (TRAILER if provider["framing"] == FRAMING_RTC else 0)
 
 
 def _write_words(row: Any, words: Sequence[tuple[int, int]], iops: Sequence[int], start: int) -> None:
     """Telegram words and provider statuses of one axis; their number last."""
-    codes, offsets, statuses = row.word_code, row.word_offset, row.iops_offset
+    # a record's items are read and written in a tenth of the time of its attributes
+    codes, offsets, statuses = row["word_code"], row["word_offset"], row["iops_offset"]
     for i, (code, offset) in enumerate(words):
         codes[i] = code
         offsets[i] = start + offset
@@ -192,8 +193,9 @@ def _write_statuses(
     places = [*iops, *(offset for rider in riders for offset in rider.iops)]
     places += [piece.status_frame for piece in pieces if piece.status_frame is not None]
     row["statuses"] = len(places := places[:MAX_STATUSES])
+    offsets = row["status_offset"]
     for i, offset in enumerate(places):
-        row.status_offset[i] = start + offset
+        offsets[i] = start + offset
 
 
 def _own_port(_port: int, _destination: bytes) -> int:
@@ -228,7 +230,7 @@ class ChannelTable:
         found: int | None = None
         while free and found is None:
             row = heapq.heappop(free)
-            if table[row].state == IDLE:
+            if table[row]["state"] == IDLE:
                 found = row
             else:
                 passed.append(row)
@@ -239,10 +241,8 @@ class ChannelTable:
         resting.pop(found, None)
         table[found]["pieces"] = 0
         engine = self.columns.engine[0]
-        if name == "ppm":
-            engine.ppm_rows = max(int(engine.ppm_rows), found + 1)
-        else:
-            engine.cpm_rows = max(int(engine.cpm_rows), found + 1)
+        rows = f"{name}_rows"
+        engine[rows] = max(int(engine[rows]), found + 1)
         return found
 
     def resting(self, image: int) -> int:
@@ -261,7 +261,7 @@ class ChannelTable:
     def _riders(self, name: str, row: Any) -> list[int]:
         """Rows of the further axes in the frames of an open row."""
         found: list[int] = []
-        while (following := int(row.rider)) > 0:
+        while (following := int(row["rider"])) > 0:
             found.append(following - 1)
             row = getattr(self.columns, name)[following - 1]
         return found
@@ -273,12 +273,12 @@ class ChannelTable:
         for rider in reversed(riders):
             number = self._row(name)
             one = table[number]
-            one["image"], one["framing"], one["port"], one["frame_id"] = rider.image, row.framing, -1, 0
+            one["image"], one["framing"], one["port"], one["frame_id"] = rider.image, row["framing"], -1, 0
             one["rider"], one["pieces"], one["words"] = following, 0, 0
             one["impairment"] = 0
             _write_words(one, rider.words, rider.iops, start)
             if name == "cpm":
-                one["feeds"], one["zeroes"] = int(rider.feeds), row.zeroes
+                one["feeds"], one["zeroes"] = int(rider.feeds), row["zeroes"]
                 one["hold_ns"] = one["first_hold_ns"] = one["received"] = 0
             else:
                 one["state"] = W_START
@@ -305,7 +305,6 @@ class ChannelTable:
             frame[start + offset] = octet
         for offset in plan.iops:
             frame[start + offset] = IOXS_GOOD
-        # a record's items are written in a tenth of the time of its attributes
         row = columns.ppm[number]
         row["image"] = plan.image
         row["framing"] = plan.framing
@@ -325,8 +324,9 @@ class ChannelTable:
         self._pieces.put(row, plan.pieces, plan.plain, start)
         _write_statuses(row, plan.iops, plan.riders, plan.pieces, start)
         row["iocs_count"] = len(iocs := plan.iocs[:MAX_IOCS])
+        places = row["iocs_offset"]
         for i, offset in enumerate(iocs):
-            row.iocs_offset[i] = start + offset
+            places[i] = start + offset
         row["data_status"] = STATUS_GOOD
         row["impairment"] = 0
         row["sent"] = 0
@@ -363,7 +363,7 @@ class ChannelTable:
         row["zeroes"] = int(plan.zeroes)
         self._open_riders("cpm", row, plan.riders, 0)
         self._pieces.put(row, plan.pieces, plan.plain, 0)
-        row["generation"] = (int(row.generation) + 1) & 0xFFFFFFFF
+        row["generation"] = (int(row["generation"]) + 1) & 0xFFFFFFFF
         row["cycle_ns"] = plan.cycle_ns
         row["hold_ns"] = round(true_duration(plan.hold_ns, plan.drift))
         row["first_hold_ns"] = round(true_duration(plan.awaits_ns, plan.drift))
@@ -428,15 +428,14 @@ class ChannelTable:
         ``riders`` are as many as before.
         """
         row = self.columns.ppm[number]
-        start = int(row.data_offset)
+        start = int(row["data_offset"])
         end = _data_end(row)
         _check(words, iops, end - start, pieces, riders)
         # no words and no status while the frame changes: a tick between may send half of it, its statuses changed first
         further = list(zip([self.columns.ppm[one] for one in self._riders("ppm", row)], riders, strict=True))
         for one in (row, *(one for one, _ in further)):
-            one.words = 0
-            one.iops_count = 0
-        self._pieces.put(row, (), int(row.plain), start)
+            one["words"] = one["iops_count"] = 0
+        self._pieces.put(row, (), int(row["plain"]), start)
         frame = self.columns.frames[number]
         for offset, octet in constants:
             frame[start + offset] = octet
@@ -454,7 +453,7 @@ class ChannelTable:
         _write_words(row, words, iops, start)
         for one, rider in further:
             _write_words(one, rider.words, rider.iops, start)
-        self._pieces.put(row, pieces, int(row.plain), start)
+        self._pieces.put(row, pieces, int(row["plain"]), start)
         _write_statuses(row, iops, riders, pieces, start)
 
     def relayout_consumer(
@@ -469,14 +468,14 @@ class ChannelTable:
     ) -> None:
         """Change the words of an open consumer's frames; those that it no longer brings are zero at once."""
         row = self.columns.cpm[number]
-        _check(words, iops, int(row.data_length), pieces, riders)
+        _check(words, iops, int(row["data_length"]), pieces, riders)
         further = zip([self.columns.cpm[one] for one in self._riders("cpm", row)], riders, strict=True)
         for one, part in ((row, Rider(0, words, iops, feeds)), *further):
             self._remove_words(one, part.words)
-            one.iops_count = 0
+            one["iops_count"] = 0
             _write_words(one, part.words, part.iops, 0)
-            one.feeds = int(part.feeds)
-        self._pieces.put(row, pieces, int(row.plain), 0)
+            one["feeds"] = int(part.feeds)
+        self._pieces.put(row, pieces, int(row["plain"]), 0)
 
     def rewrite_words(self, name: str, number: int, words: Sequence[tuple[int, int]], axis: int = 0) -> None:
         """Change the telegram words of an axis of an open channel; offsets as in the plans."""
@@ -497,10 +496,11 @@ class ChannelTable:
 
     def _remove_words(self, row: Any, words: Sequence[tuple[int, int]]) -> None:
         """Remove the words of an open consumer: those that ``words`` does not bring are zero from now on."""
-        brought = {int(code) >> 2 for code in row.word_code[: row.words] if code != WORD_NONE} if row.fed else set()
-        row.words = 0
+        codes = row["word_code"][: row["words"]] if row["fed"] else ()
+        brought = {int(code) >> 2 for code in codes if code != WORD_NONE}
+        row["words"] = 0
         for slot in brought - {code >> 2 for code, _ in words}:
-            self.columns.image[row.image].received[slot] = 0
+            self.columns.image[row["image"]]["received"][slot] = 0
 
     def close_provider(self, number: int) -> None:
         self._close("ppm", number)

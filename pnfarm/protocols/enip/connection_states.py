@@ -7,7 +7,9 @@ the watchdog's action is auto delete.  A row's action is the name of a method of
 
 from __future__ import annotations
 
-from enum import Enum, StrEnum
+from enum import StrEnum
+
+from pnfarm.protocols.named import Named
 
 __all__ = ["CONNECTION", "ConnectionEvent", "ConnectionState"]
 
@@ -19,7 +21,7 @@ class ConnectionState(StrEnum):
     TIMED_OUT = "Timed out"
 
 
-class ConnectionEvent(Enum):
+class ConnectionEvent(Named):
     CREATE = "Forward_Open"
     APPLY = "Apply"
     DATA = "Receive_Data"

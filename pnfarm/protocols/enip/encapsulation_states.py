@@ -6,7 +6,9 @@ A TCP connection has one session at most, and the session ends with it.
 
 from __future__ import annotations
 
-from enum import Enum, StrEnum
+from enum import StrEnum
+
+from pnfarm.protocols.named import Named
 
 __all__ = ["SESSION", "SessionEvent", "SessionState"]
 
@@ -17,7 +19,7 @@ class SessionState(StrEnum):
     CLOSED = "Closed"
 
 
-class SessionEvent(Enum):
+class SessionEvent(Named):
     REGISTER = "RegisterSession"
     UNREGISTER = "UnRegisterSession"
     INACTIVITY = "Encapsulation inactivity timeout"

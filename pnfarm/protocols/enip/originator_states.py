@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
-from enum import Enum, StrEnum
+from enum import StrEnum
+
+from pnfarm.protocols.named import Named
 
 __all__ = ["ORIGINATOR", "OriginatorEvent", "OriginatorState"]
 
@@ -15,7 +17,7 @@ class OriginatorState(StrEnum):
     ESTABLISHED = "Established"
 
 
-class OriginatorEvent(Enum):
+class OriginatorEvent(Named):
     TCP_OPENED = "TCP connection opened"
     REGISTERED = "RegisterSession reply, success"
     REFUSED = "RegisterSession reply, error"

@@ -18,9 +18,11 @@ REPROBING    no       probed whether the other station is gone
 
 from __future__ import annotations
 
-from enum import Enum, StrEnum, auto
+from enum import StrEnum, auto
 from typing import TYPE_CHECKING
 from zlib import crc32
+
+from pnfarm.protocols.named import Named
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -47,7 +49,7 @@ class ClaimState(StrEnum):
     REPROBING = "REPROBING"
 
 
-class ClaimSign(Enum):
+class ClaimSign(Named):
     """Inputs of the claim's state machine."""
 
     CLAIM = auto()  # the address was set: probe first

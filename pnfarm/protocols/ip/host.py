@@ -36,6 +36,7 @@ from pnfarm.wire.ipv4 import (
 from pnfarm.wire.mac import BROADCAST, NIL, is_group
 from pnfarm.wire.udp import HEADER_LENGTH as UDP_HEADER_LENGTH
 from pnfarm.wire.udp import ChecksumState, UdpDatagram, emit_udp, parse_udp, udp_checksum
+from pnfarm.wire.value import value_class
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -77,7 +78,7 @@ _LIMITED_BROADCAST = IPv4Address("255.255.255.255")
 _UNSPECIFIED = IPv4Address(0)
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class DatagramReceived:
     """A UDP datagram arrived at an open port; ``destination_ip`` shows whether it was a broadcast."""
 
@@ -152,6 +153,8 @@ class IpHost:
         #: What was not delivered or not sent, by reason.
         self.dropped: Counter[str] = Counter()
         self._address: IPv4Interface | None = None
+        #: The last address without its subnet: `IPv4Interface.ip` makes a new object each time.
+        self._own = _UNSPECIFIED
         self._gateway: IPv4Address | None = None
         self._claim = AddressClaim(mac)
         self._claimed: IPv4Interface | None = None
@@ -205,6 +208,7 @@ class IpHost:
         self._address = self._claimed = address
         self._gateway = gateway
         self._claim.ip = address.ip if address is not None else None
+        self._own = self._claim.ip or _UNSPECIFIED
 
     def _follow(self, sign: ClaimSign, now: int, mac: bytes = NIL) -> None:
         """Pass an input to the claim and carry out its action; ``mac`` is the conflicting station."""
@@ -251,7 +255,7 @@ class IpHost:
         if self._address is None:
             self.dropped["no-address"] += 1
             return
-        payload = emit_udp(UdpDatagram(source_port, destination_port, data), self._address.ip, ip)
+        payload = emit_udp(UdpDatagram(source_port, destination_port, data), self._own, ip)
         self._transmit(self._address, ip, PROTOCOL_UDP, payload, now)
 
     def receive(self, frame: EthernetFrame, now: int) -> None:
@@ -335,7 +339,7 @@ class IpHost:
         if self._objects(packet):
             self._follow(ClaimSign.OBJECTION, now, sender_mac)
             return
-        own = self._address.ip if self._address is not None else None
+        own = self._own if self._address is not None else None
         if own is None:
             return
         if sender_ip != _UNSPECIFIED:
@@ -386,11 +390,11 @@ class IpHost:
         if self._address is None:
             self.dropped["no-address"] += 1
             return
-        if packet.destination != self._address.ip and not self._is_broadcast(packet.destination):
+        if packet.destination != self._own and not self._is_broadcast(packet.destination):
             self.dropped["other-address"] += 1
             return
         source = packet.source
-        if source == self._address.ip or source.is_unspecified or source.is_multicast or self._is_broadcast(source):
+        if source == self._own or source.is_unspecified or source.is_multicast or self._is_broadcast(source):
             self.dropped["ipv4-bad-source"] += 1
             return
         self._neighbours.learn(source, frame.source, now)
@@ -442,7 +446,7 @@ class IpHost:
     # -- IPv4 out ----------------------------------------------------------------------------------------------------
 
     def _transmit(self, own: IPv4Interface, ip: IPv4Address, protocol: int, payload: bytes, now: int) -> None:
-        packets = self._fragments(own.ip, ip, protocol, payload)
+        packets = self._fragments(self._own, ip, protocol, payload)
         if self._is_broadcast(ip):
             self._emit_packets(BROADCAST, packets)
             return
@@ -456,10 +460,10 @@ class IpHost:
             mac = self._neighbours.lookup(next_hop, now)
         if mac is not None:
             self._emit_packets(mac, packets)
-        elif next_hop is None or next_hop == own.ip:
+        elif next_hop is None or next_hop == self._own:
             self.dropped["no-route"] += 1
         else:
-            self._wait(own.ip, next_hop, packets, now)
+            self._wait(self._own, next_hop, packets, now)
 
     def _wait(self, own: IPv4Address, next_hop: IPv4Address, packets: list[Ipv4Packet], now: int) -> None:
         resolution = self._resolutions.get(next_hop)
@@ -475,6 +479,8 @@ class IpHost:
         resolution.waiting.append(packets)
 
     def _resolved(self, ip: IPv4Address, mac: bytes) -> None:
+        if not self._resolutions:
+            return
         resolution = self._resolutions.pop(ip, None)
         if resolution is not None:
             for packets in resolution.waiting:

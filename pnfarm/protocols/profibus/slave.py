@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from enum import Enum, auto
+from enum import auto
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.errors import DecodeError, InternalError
+from pnfarm.protocols.named import Named
 from pnfarm.protocols.profibus.acyclic import ClassOne, ClassTwo
 from pnfarm.protocols.profibus.slave_user import (
     AddressSet,
@@ -96,7 +97,7 @@ _SDA: Final = frozenset({Request.SDA_LOW, Request.SDA_HIGH})
 _NO_WATCHDOG: Final = 0
 
 
-class _Sign(Enum):
+class _Sign(Named):
     """What can happen to a slave's state."""
 
     PARAMETERS = auto()

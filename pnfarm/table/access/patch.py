@@ -31,10 +31,15 @@ class Patch:
             places.update(_places(layout, key))
         self._places = np.array(sorted(places), np.intp)
         self._octets = octets[self._places]
+        self._bytes = self._octets.tobytes()
 
     def apply(self, record: Any) -> None:
         """Write into ``record``, a row of a table (``table[i]``); other fields stay."""
         row_octets(record)[self._places] = self._octets
+
+    def stands_in(self, record: Any) -> bool:
+        """Whether ``record``, a row of a table (``table[i]``), has these values already."""
+        return row_octets(record)[self._places].tobytes() == self._bytes
 
 
 def _places(layout: Layout, key: str) -> range:

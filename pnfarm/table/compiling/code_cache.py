@@ -28,7 +28,8 @@ import numpy as np
 from numba.core import caching
 
 __all__ = [
-    "REAL_TIME", "DigestLocator", "cache_directory", "copy_code", "is_cached", "is_usable", "kept_functions",
+    "REAL_TIME", "DigestLocator", "FunctionCache", "cache_directory", "copy_code", "is_cached", "is_usable",
+    "kept_functions",
     "mark_cached", "take_packaged",
 ]  # fmt: skip
 
@@ -92,8 +93,13 @@ def _processor() -> str:
 def _digest(paths: tuple[Path, ...]) -> str:
     # machine code knows the layout of Python's objects, which is that of a minor version, and of NumPy's arrays
     of = (sys.implementation.cache_tag or "", numba.__version__, np.__version__.partition(".")[0], _processor())
-    state = hashlib.sha256(" ".join(of).encode())
-    state.update(os.environ.get("NUMBA_BOUNDSCHECK", "").encode())
+    return _digest_for(paths, " ".join(of) + os.environ.get("NUMBA_BOUNDSCHECK", ""))
+
+
+@functools.cache
+def _digest_for(paths: tuple[Path, ...], of: str) -> str:
+    # a file's functions have one folder, and each asks for it several times
+    state = hashlib.sha256(of.encode())
     for path in paths:
         state.update(f"{path.parent.name}/{path.name}".encode())
         state.update(_file_digest(path))
@@ -102,6 +108,26 @@ def _digest(paths: tuple[Path, ...]) -> str:
 
 def _folder(path: Path) -> Path:
     return cache_directory() / f"{path.parent.name}.{path.stem}-{_digest(_sources(path))}"
+
+
+@functools.cache
+def _make(folder: str) -> None:
+    """Make a folder; where that cannot be, as in a read-only image, what is there is loaded nevertheless."""
+    with contextlib.suppress(OSError):
+        os.makedirs(folder, exist_ok=True)  # noqa: PTH103 - a name, as Numba has it
+
+
+class FunctionCache(caching.FunctionCache):  # type: ignore[misc]  # numba has no types
+    """One function's machine code."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What is kept for these types, None for nothing.
+
+        Numba's own imports its whole compiler before it looks.  Kept code needs none of it, and a compilation does
+        the same at its begin: a third of a second of each start.
+        """
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 class DigestLocator(caching._CacheLocator):  # type: ignore[misc]  # noqa: SLF001 - what Numba's setting for locators takes
@@ -116,9 +142,7 @@ class DigestLocator(caching._CacheLocator):  # type: ignore[misc]  # noqa: SLF00
     def from_function(cls, py_func: Any, py_file: str) -> DigestLocator:
         """Numba's constructor."""
         locator = cls(py_func, py_file)
-        # what is there can be loaded where nothing can be written, as in a read-only image
-        with contextlib.suppress(OSError):
-            locator.ensure_cache_path()
+        _make(locator.get_cache_path())
         return locator
 
     def get_cache_path(self) -> str:

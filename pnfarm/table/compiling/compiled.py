@@ -22,6 +22,7 @@ from numba.cpython import slicing
 
 from pnfarm.table.compiling.code_cache import (
     REAL_TIME,
+    FunctionCache,
     cache_directory,
     copy_code,
     is_cached,
@@ -149,7 +150,6 @@ def _compiled(function: _F, *, no_cfunc_wrapper: bool, inline: bool = False) -> 
         dispatcher = numba.njit(
             function,
             nogil=True,
-            cache=not inline,
             error_model="numpy",
             no_cfunc_wrapper=no_cfunc_wrapper,
             forceinline=inline,
@@ -158,6 +158,9 @@ def _compiled(function: _F, *, no_cfunc_wrapper: bool, inline: bool = False) -> 
             # it was a tenth of the time of a frame.
             _nrt=False,
         )
+        if IS_COMPILED and not inline:
+            # as `cache=True` does, with a cache that loads faster
+            dispatcher._cache = FunctionCache(function)  # noqa: SLF001 - Numba has no other way to choose it
         _ignore_literals(dispatcher)
         _keep_where_possible(dispatcher)
         return cast("_F", dispatcher)

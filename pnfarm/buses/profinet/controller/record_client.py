@@ -15,13 +15,14 @@ DONE     nothing                         another read without an AR, if one is a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, StrEnum, auto
+from enum import StrEnum, auto
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError, RemoteError
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
+from pnfarm.protocols.named import Named
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
 from pnfarm.protocols.profinet.cm.controller.events import (
     ArAborted,
@@ -76,7 +77,7 @@ class ClientState(StrEnum):
     DONE = "DONE"
 
 
-class _Sign(Enum):
+class _Sign(Named):
     FOUND = auto()
     FOUND_IMPLICIT = auto()  # found, and no AR is needed
     ESTABLISHED = auto()

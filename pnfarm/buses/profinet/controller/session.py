@@ -16,10 +16,11 @@ STOPPED    nothing
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum, StrEnum, auto
+from enum import StrEnum, auto
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.controllers import session
+from pnfarm.protocols.named import Named
 
 if TYPE_CHECKING:
     from uuid import UUID
@@ -42,7 +43,7 @@ class SessionState(StrEnum):
     STOPPED = "STOPPED"
 
 
-class Sign(Enum):
+class Sign(Named):
     """Input of a session's state machine."""
 
     TIME = auto()  # the pause is over, or the time for the first cyclic data of a start-up or a connection

@@ -419,7 +419,7 @@ class ProfinetDevice:
         """See :class:`pnfarm.station.device.Device`."""
         consumer = self._services.channels.columns.cpm[row]
         # the connection ended while the event waited, and another may have the row by now
-        seen = consumer.expirations if kind == engine_row.EXPIRED else consumer.received
+        seen = consumer["expirations" if kind == engine_row.EXPIRED else "received"]
         found = self.channels.of_consumer(row)
         if found is None or not seen:
             return False

@@ -15,7 +15,9 @@ for no action.  An input without a row changes nothing and is counted.
 
 from __future__ import annotations
 
-from enum import Enum, StrEnum
+from enum import StrEnum
+
+from pnfarm.protocols.named import Named
 
 __all__ = ["ALPMI", "ALPMR", "APMR", "APMS", "AlpmiState", "AlpmrState", "ApmrState", "ApmsState", "Sign"]
 
@@ -45,7 +47,7 @@ class AlpmrState(StrEnum):
     W_TACK = "W_TACK"
 
 
-class Sign(Enum):
+class Sign(Named):
     """Inputs of the machines, named by service and primitive."""
 
     ACTIVATE = "Activate.req"

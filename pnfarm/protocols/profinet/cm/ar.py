@@ -17,6 +17,7 @@ from pnfarm.protocols.profinet.wire.cm.connect import ArProperties, ArType
 from pnfarm.protocols.profinet.wire.cm.expected import DataDirection, SubmoduleType
 from pnfarm.protocols.profinet.wire.cm.iocr import IOCR_TAG_HEADER, IocrType
 from pnfarm.wire.rtc import SEND_CLOCK_NS
+from pnfarm.wire.value import value_class
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -72,7 +73,7 @@ class LayoutError(DecodeError):
         self.field = fault
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class DataPlace:
     """Data of one submodule in the C_SDU: octets from its start.
 
@@ -87,7 +88,7 @@ class DataPlace:
     iops_offset: int | None
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class IocsPlace:
     """Consumer status octet of one submodule in the C_SDU; None for one whose status octets are discarded."""
 
@@ -97,7 +98,7 @@ class IocsPlace:
     iocs_offset: int | None
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class IocrLayout:
     """One cyclic channel.
 

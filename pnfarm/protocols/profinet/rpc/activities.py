@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from enum import Enum, auto
+from enum import auto
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.protocols.deadlines import Deadlines
+from pnfarm.protocols.named import Named
 from pnfarm.protocols.profinet.rpc.events import CallKey
 from pnfarm.protocols.profinet.rpc.fragments import STUB_MAX, FragmentSender, Peer, Reassembly
 from pnfarm.protocols.profinet.wire.rpc.pdu import PacketType, RpcPdu
@@ -26,7 +27,7 @@ __all__ = ["TRANSITIONS", "Activity", "ActivityKey", "ActivityTable", "ServerEve
 ActivityKey = tuple["IPv4Address", "UUID"]
 
 
-class ServerState(Enum):
+class ServerState(Named):
     """States of one activity."""
 
     IDLE = auto()
@@ -37,7 +38,7 @@ class ServerState(Enum):
     REPLIED = auto()
 
 
-class ServerEventKind(Enum):
+class ServerEventKind(Named):
     """Inputs of an activity."""
 
     REQUEST_NEW = auto()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from pnfarm.protocols.profinet.rpc.fragments import fack_body
 from pnfarm.protocols.profinet.wire.rpc.bodies import CancelAckBody, CancelBody
 from pnfarm.protocols.profinet.wire.rpc.pdu import FRAGMENT_NONE, NcaStatus, PacketType, RpcPdu, emit_status
@@ -15,17 +13,23 @@ def answer_to(
     pdu: RpcPdu, packet_type: int, *, fragment_number: int = 0, body: bytes = b"", flags1: int = 0, serial: int = 0
 ) -> RpcPdu:
     """A PDU about the same call; integers and floats are represented as the peer does it, characters are ASCII."""
-    return replace(
-        pdu,
+    # `replace` would take three times as long
+    return RpcPdu(
         packet_type=int(packet_type),
+        interface=pdu.interface,
+        activity=pdu.activity,
+        object_uuid=pdu.object_uuid,
+        sequence=pdu.sequence,
+        opnum=pdu.opnum,
+        body=body,
         flags1=flags1,
-        flags2=0,
         drep=bytes((pdu.drep[0] & 0xF0, *pdu.drep[1:])),
+        server_boot_time=pdu.server_boot_time,
+        interface_version=pdu.interface_version,
+        interface_hint=pdu.interface_hint,
+        activity_hint=pdu.activity_hint,
         fragment_number=fragment_number,
         serial=serial,
-        body=body,
-        trailer=b"",
-        auth_protocol=0,
     )
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, auto
+from enum import auto
 from typing import TYPE_CHECKING, Final
 
+from pnfarm.protocols.named import Named
 from pnfarm.protocols.profinet.wire.rpc.pdu import FRAGMENT_NONE, NcaStatus, PacketType, RpcPdu, status_name
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ __all__ = [
 ]
 
 
-class ClientState(Enum):
+class ClientState(Named):
     """States of one call."""
 
     SENDING = auto()
@@ -35,7 +36,7 @@ class ClientState(Enum):
     DONE = auto()
 
 
-class ClientEventKind(Enum):
+class ClientEventKind(Named):
     """Inputs of a call."""
 
     FACK = auto()

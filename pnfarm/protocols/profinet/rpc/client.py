@@ -21,12 +21,11 @@ call goes there.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.deadlines import Deadlines
-from pnfarm.protocols.profinet.rpc.answers import fack
+from pnfarm.protocols.profinet.rpc.answers import answer_to, fack
 from pnfarm.protocols.profinet.rpc.calls import (
     EVENTS_OF_TYPES,
     TRANSITIONS,
@@ -385,13 +384,8 @@ class RpcClient:
         fragment_number: int = 0,
         body: bytes = b"",
     ) -> None:
-        pdu = replace(
-            call.request,
-            packet_type=int(packet_type),
-            flags1=flags1,
-            fragment_number=fragment_number,
-            body=body,
-            serial=call.serial,
+        pdu = answer_to(
+            call.request, packet_type, flags1=flags1, fragment_number=fragment_number, body=body, serial=call.serial
         )
         call.serial = (call.serial + 1) & 0xFFFF
         self._out.append(Datagram(call.local_port, call.peer, emit_rpc(pdu)))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from pnfarm.protocols.profinet.wire.rpc.pdu import BODY_MAX, RPC_PORT, UUID_PNIO_DEVICE, PnioStatus
+from pnfarm.wire.value import value_class
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -53,7 +54,7 @@ class CallKey(NamedTuple):
     sequence: int
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class CallReceived:
     """A call is complete and waits for :meth:`RpcServer.respond`; ``payload`` holds the blocks."""
 
@@ -142,7 +143,7 @@ class RpcServerConfig:
         _check_fragments(self.fragment_octets)
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class CallReturned:
     """The server answered.
 

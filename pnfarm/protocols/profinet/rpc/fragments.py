@@ -8,7 +8,6 @@ that send empty facks keep no fragment that arrives out of order (C706 chapter 9
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody
@@ -19,6 +18,7 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
     HEADER_LENGTH,
     Flags1,
 )
+from pnfarm.wire.value import value_class
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,7 +53,7 @@ class Peer(NamedTuple):
     port: int
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class Datagram:
     """A UDP payload to send from ``local_port`` to ``peer``."""
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from enum import Enum
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import RemoteError
+from pnfarm.protocols.named import Named
 from pnfarm.protocols.profinet.cm.controller.events import ControllerCall, RecordRead, RecordWriteDone
 from pnfarm.protocols.profinet.cm.controller.request import (
     RecordAddress,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 __all__ = ["Answer", "CallQueue", "Kind", "Pending", "first_refusal", "read_result", "write_results"]
 
 
-class Kind(Enum):
+class Kind(Named):
     """What a call is for; the value is its name in messages."""
 
     CONNECT = "Connect"

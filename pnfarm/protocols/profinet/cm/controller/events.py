@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from pnfarm.wire.value import value_class
+
 if TYPE_CHECKING:
     from collections.abc import Hashable, Mapping
 
@@ -56,7 +58,7 @@ class Timeouts:
     record_ns: int = 10_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class ControllerCall:
     """One RPC call to the device's interface; its end comes back through ``call_returned`` or ``call_failed``."""
 

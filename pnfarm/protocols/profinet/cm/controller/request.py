@@ -6,7 +6,6 @@ submodules, alarm CR.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -33,6 +32,7 @@ from pnfarm.protocols.profinet.wire.records.iod import (
     emit_write_request,
 )
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
+from pnfarm.wire.value import value_class
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,7 +59,7 @@ __all__ = [
 _CONNECT_ARGS_MAXIMUM = 4096
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class RecordAddress:
     """A record's address, and the sequence number that matches response and request."""
 

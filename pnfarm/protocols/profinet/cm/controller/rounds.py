@@ -21,10 +21,11 @@ its alarms meanwhile: the AR ends with it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, StrEnum
+from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 from pnfarm.errors import RemoteError
+from pnfarm.protocols.named import Named
 from pnfarm.protocols.profinet.cm.controller import request, response
 from pnfarm.protocols.profinet.cm.controller.calls import Answer, Kind, Pending, first_refusal, write_results
 from pnfarm.protocols.profinet.errors import OK, PnioStatus, RtaError
@@ -54,7 +55,7 @@ class RoundState(StrEnum):
     DONE = "DONE"
 
 
-class RoundSignal(Enum):
+class RoundSignal(Named):
     PRM_BEGIN_CNF = "dcontrol.cnf of PrmBegin"
     RECORDS_WRITTEN = "write.cnf of the last record"
     PRM_END_CNF = "dcontrol.cnf of PrmEnd"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, StrEnum
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from pnfarm.protocols.named import Named
 from pnfarm.protocols.profinet.errors import ConnectFault, RtaError, describe_status
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ class CmctlState(StrEnum):
     CLOSED = "CLOSED"
 
 
-class CmctlSignal(Enum):
+class CmctlSignal(Named):
     CONNECT = "connect.req"
     CONNECT_CNF = "connect.cnf"
     ACCESS_CNF = "connect.cnf for device access"

@@ -12,8 +12,10 @@ device answers with an ordinary ApplicationReady.  An AR has one such machine, a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, StrEnum, auto
+from enum import StrEnum, auto
 from typing import TYPE_CHECKING
+
+from pnfarm.protocols.named import Named
 
 if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey
@@ -40,7 +42,7 @@ class PlugsmState(StrEnum):
     DONE = "DONE"
 
 
-class PlugsmEvent(Enum):
+class PlugsmEvent(Named):
     ALARM_ACK = auto()
     ALARM_REFUSED = auto()
     PRM_END_IND = auto()
@@ -102,7 +104,7 @@ class CmpbeState(StrEnum):
     WFCNF = "WFCNF"
 
 
-class CmpbeEvent(Enum):
+class CmpbeEvent(Named):
     DATA = auto()
     PRM_BEGIN_IND = auto()
     PRM_BEGIN_RSP = auto()

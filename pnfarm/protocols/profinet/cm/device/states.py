@@ -7,15 +7,16 @@ Connect starts another AR in W_CIND.
 
 from __future__ import annotations
 
-from enum import Enum, auto
+from enum import auto
 
+from pnfarm.protocols.named import Named
 from pnfarm.protocols.profinet.cm.ar import CmdevState
 from pnfarm.protocols.profinet.cm.device.events import ArEstablished, PrmEndReceived
 
 __all__ = ["TRANSITIONS", "CmdevEvent"]
 
 
-class CmdevEvent(Enum):
+class CmdevEvent(Named):
     """Input of one AR's state machine."""
 
     CONNECT_IND = auto()

@@ -9,7 +9,6 @@ big-endian always and stay opaque here.
 """
 
 import struct
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from functools import lru_cache
 from typing import Final
@@ -19,6 +18,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.wire.code import Code
 from pnfarm.wire.layout import Structure, UInt8
 from pnfarm.wire.octets import Reader, Writer, pack
+from pnfarm.wire.value import value_class
 
 __all__ = [
     "ARGS_HEADER_LENGTH",
@@ -186,7 +186,7 @@ _HEADERS: Final = (struct.Struct(f">{_LAYOUT}"), struct.Struct(f"<{_LAYOUT}"))
 # --- the PDU (C706 12.5.1) ---------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class RpcPdu:
     """One connectionless PDU.
 
@@ -363,7 +363,7 @@ ARGS_HEADER_LENGTH: Final = 20
 """Octets before the blocks: ArgsMaximum or the status, ArgsLength, MaximumCount, Offset, ActualCount."""
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class RequestArgs:
     """Arguments of a request: how long the answer may be, and the blocks.
 
@@ -379,7 +379,7 @@ class RequestArgs:
     offset: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@value_class
 class ResponseArgs:
     """Arguments of a response: the status and the blocks; ``maximum_count`` repeats the request's ArgsMaximum."""
 
@@ -393,7 +393,7 @@ class ResponseArgs:
 
 def _read_array(reader: Reader) -> tuple[int, bytes]:
     """ArgsLength, then the NDR conformant varying array; answers MaximumCount and the octets."""
-    length, maximum, offset, actual = (reader.u32() for _ in range(4))
+    length, maximum, offset, actual = reader.u32(), reader.u32(), reader.u32(), reader.u32()
     if offset:
         raise DecodeError("bad-offset", f"array offset {offset}, 0 is expected")
     if actual != reader.remaining:
