@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.bench.cyclic import WAYS, akd_1024, flat, frame_cost, full_port, memory, ways
+from pnfarm.bench.cyclic.dense import dense
+from pnfarm.bench.cyclic.frames import WAYS, akd_1024, flat, frame_cost, full_port, memory, ways
+from pnfarm.bench.cyclic.multi_axis import multi_axis
 from pnfarm.bench.devices import devices
 from pnfarm.bench.enip import enip_64
 from pnfarm.bench.first_start import first_start
@@ -13,7 +15,6 @@ from pnfarm.bench.in_memory.start import start_cpu
 from pnfarm.bench.in_memory.virtual import firmware, scrape, trace, virtual_time
 from pnfarm.bench.latency import fault_latency
 from pnfarm.bench.load import Load
-from pnfarm.bench.multi_axis import multi_axis
 from pnfarm.bench.page import page_1000
 from pnfarm.bench.plant import plant
 from pnfarm.bench.profibus import profibus_32
@@ -51,6 +52,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "full-port": Benchmark(
         full_port, 60.0, _figures("full-port", "expirations", "lateness-p50", "lateness-p99", "cpu")
     ),
+    "dense": Benchmark(dense, 60.0, _figures("dense", "drives", "lateness-p99", "cpu", "next-expirations")),
     "memory": Benchmark(memory, 0.0, ("memory-per-drive",)),
     "flat": Benchmark(
         flat,

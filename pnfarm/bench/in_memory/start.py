@@ -10,9 +10,9 @@ import gc
 import time
 from typing import TYPE_CHECKING
 
+from pnfarm.bench.cyclic.multi_axis import AXES, CYCLE, SEVERAL, WATCHDOG
 from pnfarm.bench.line import DRIVES, FARM_CPU, Child, farm_file
 from pnfarm.bench.loops import interpreter_loop
-from pnfarm.bench.multi_axis import AXES, CYCLE, SEVERAL, WATCHDOG
 from pnfarm.bench.result import Result, Windows
 from pnfarm.errors import InternalError
 

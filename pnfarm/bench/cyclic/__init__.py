@@ -1,0 +1,1 @@
+"""Benchmarks of the cyclic frames of a farm and its controller."""
