@@ -70,22 +70,28 @@ def _with_backlash(stiffness: float, gap: float, twist: float, speed: float, mas
 
 
 @inlined
-def step_with_plant(axis: Any, step_ns: int) -> None:
-    """Have an axis step as often as the plant: what that puts on its shaft is for one of its steps."""
+def step_with_plant(axis: Any, step_ns: int, now: int) -> None:
+    """Have an axis step as often as the plant, and in the same ticks: what that puts on its shaft is for one of its
+    steps.  ``now``: of this step of the plant."""
     # after a late tick the next one may come early, and still counts
     longest = step_ns - step_ns // 8
+    since = now - axis.last_ns
+    if 0 < since < step_ns and axis.step_ns >= longest and axis.clock.settings.drift == 0.0:
+        # it stepped between two steps of the plant: its next one is longer, and then they go together
+        longest += since
+        axis.step_ns = longest
     axis.step_ns = min(axis.step_ns, longest)
 
 
 @inlined
-def uncouple(couplings: Any, axes: Any, step_ns: int) -> None:
+def uncouple(couplings: Any, axes: Any, step_ns: int, now: int) -> None:
     """Take the torques of the last step from the axes."""
     for number in range(len(couplings)):
         coupling = couplings[number]
         for row in (int(coupling.first), int(coupling.second)):
             if row >= 0:
                 axes[row].outside.torque = 0.0
-                step_with_plant(axes[row], step_ns)
+                step_with_plant(axes[row], step_ns, now)
 
 
 @inlined

@@ -97,7 +97,13 @@ class Plant:
         return [name for name, model in self.plan.models.items() if isinstance(model.what, FmuModel)]
 
     def start(self, now: int) -> None:
-        """Have the engine step it from its next tick on."""
+        """Have the engine step it from its next tick on.
+
+        In real time its grid is that of its step, as the frames' grids have the same origin: so a step is part of a
+        tick that sends, and no tick of its own just before one.
+        """
+        if self._in_real_time:
+            self._engine.plant_due_ns = now - now % self.plan.step_ns
         self.python.start(now)
         self.fmus.start(now)
         self.table.attach()

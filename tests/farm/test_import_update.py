@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import pytest
 from cell_file import GSDML
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation
@@ -461,6 +461,9 @@ def test_whatever_both_changed_the_user_s_comments_and_keys_stay_and_the_values_
     ])), min_size=1, max_size=5),
     st.booleans(),
 )  # fmt: skip
+# a mapping instead of a list
+@example(changes=[(335, 30, ""), (552, 30, "")], both=False)
+@example(changes=[(335, 30, ""), (552, 30, "")], both=True)
 def test_whatever_the_texts_hold_they_are_merged_or_refused(changes, both):
     text = base = project(*CELL).text
     for place, length, piece in changes:

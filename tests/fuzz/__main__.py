@@ -25,7 +25,7 @@ from typing import NoReturn
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests" / name) for name in ("support", "faults", "protocols/enip")]
 
-from tests.fuzz import running, storms  # noqa: E402
+from tests.fuzz import guided, running, storms  # noqa: E402
 from tests.fuzz.corpus import gather  # noqa: E402
 from tests.fuzz.machines import MACHINES  # noqa: E402
 from tests.fuzz.machines_enip import ENIP, enip_layers  # noqa: E402
@@ -204,10 +204,13 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--target", default="*", help="glob over the targets' names")
     parser.add_argument("--turn", type=int, help="this turn of each target alone, to repeat a failure")
     parser.add_argument("--list", action="store_true", help="name the targets and stop")
+    parser.add_argument("--guided", action="store_true", help="parsers alone, guided by coverage; needs atheris")
     farm = parser.add_argument_group("a running farm", "A hostile station beside a farm and its controller at work.")
     farm.add_argument("--running", action="store_true", help="this, instead of parsers and machines one by one")
     farm.add_argument("--storms", action="store_true", help="storms of random faults instead, each with a reset")
-    farm.add_argument("--minutes", type=float, default=10.0, help="how long (default %(default)s)")
+    farm.add_argument(
+        "--minutes", type=float, default=10.0, help="how long, of each target with --guided (default %(default)s)"
+    )
     farm.add_argument("--drives", type=int, default=4, help="drives of the farm (default %(default)s)")
     farm.add_argument("--mode", choices=("both", "stranger", "impostor"), default="both", help="who is hostile")
     farm.add_argument("--shots", type=int, default=100_000, help="of one episode (default %(default)s)")
@@ -217,6 +220,8 @@ def arguments() -> argparse.Namespace:
 
 def main() -> int:
     options = arguments()
+    if options.guided:
+        return guided.main(options)
     if options.running:
         return running.main(options)
     if options.storms:

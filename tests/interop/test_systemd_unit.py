@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import sys
 
 import pytest
 from machine_code import copy_machine_code
@@ -64,8 +63,8 @@ def farm(boot, tmp_path_factory):
 
 
 def names_on_the_wire(boot):
-    scan = [sys.executable, "-m", "pnfarm.cli.main", "scan", "--interface", "wire", "--format", "json"]
-    return {device["name"] for device in json.loads(boot.done("env", f"PYTHONPATH={ROOT}", *scan))}
+    scan = ["/opt/pnfarm/bin/pnfarm", "scan", "--interface", "wire", "--format", "json"]
+    return {device["name"] for device in json.loads(boot.done("env", f"LD_LIBRARY_PATH={PYTHON}/lib", *scan))}
 
 
 def test_a_farm_runs_as_a_service_of_its_own_user(farm):

@@ -6,17 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from from_python import called
 from plant_bench import PlantBench
 
 from pnfarm.config.plant import PlantSection
-from pnfarm.engine.columns import allocate
-from pnfarm.engine.plant.pace import plant_moment
 from pnfarm.plant.events import PlantStepsLeftOut
 from pnfarm.plant.plan import plan_plant
 from pnfarm.plant.python_models import PythonModels
 from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.testing import Line
+from pnfarm.vocabulary.durations import parse_duration
 
 MS = 1_000_000
 MODEL = """
@@ -76,14 +74,14 @@ def test_steps_of_the_plant_that_were_left_out_are_in_the_log_at_most_once_per_s
     assert bench.events == [PlantStepsLeftOut(1200), PlantStepsLeftOut(1100)]
 
 
-@pytest.mark.parametrize("step_ms", [0.5, 1, 5])
-def test_a_plant_steps_in_ticks_that_send_whenever_it_was_started(step_ms):
-    engine = allocate(images=1).engine[0]
-    engine.plant_step_ns = step = round(step_ms * MS)
+@pytest.mark.parametrize("step", ["0.5ms", "1ms", "5ms"])
+def test_a_plant_in_real_time_steps_in_ticks_that_send_whenever_it_was_started(step):
+    bench = PlantBench({"name": "lamp", "kind": "lamp"}, step=step, in_real_time=True)
     begin = 7_000_123_456
-    assert called(plant_moment)(engine, begin) == begin
-    assert engine.plant_due_ns % step == 0
-    assert begin - step < engine.plant_due_ns <= begin
+    bench.start(begin)
+    due = bench.due_ns
+    assert due % parse_duration(step) == 0
+    assert begin - parse_duration(step) < due <= begin
 
 
 def test_a_plant_that_is_late_makes_a_failure_inconclusive():

@@ -67,6 +67,15 @@ class PlantBench:
         self.now += round(seconds * 1e9)
         called(plant_moment)(self._columns.engine[0], self.now)
 
+    def start(self, now: int) -> None:
+        """As a farm does."""
+        self._plant.start(now)
+
+    @property
+    def due_ns(self) -> int:
+        """When the next step is due."""
+        return int(self._columns.engine[0].plant_due_ns)
+
     def service(self) -> None:
         """What the event loop does when the plant's deadline is due."""
         due = self._plant.next_deadline()

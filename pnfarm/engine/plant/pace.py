@@ -1,7 +1,4 @@
-"""When the plant steps: on the grid of its step, with the axes, which step up to the same time before it.
-
-The grids of the frames have the same origin, so that a step is part of a tick that sends, and no tick of its own just
-before one.
+"""When the plant steps: on its own grid, with the axes, which step up to the same time before it.
 
 After a time without ticks (the machine stood) the steps that were due are made up for, so that a spring between two
 shafts sees no step of another length; after a longer one they are left out.
@@ -28,7 +25,7 @@ def plant_moment(engine: Any, now: int) -> int:
     step = int(engine.plant_step_ns)
     due = int(engine.plant_due_ns)
     if due == 0:
-        engine.plant_due_ns = now - now % step
+        engine.plant_due_ns = now
         return now
     if now - due > MOST_STEPS * step:
         left = (now - due) // step

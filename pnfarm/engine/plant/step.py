@@ -91,13 +91,13 @@ def _give(row: Any, axes: Any, values: Any, step_ns: int, now: int) -> None:
         value = values[outlet.value]
         if outlet.form == OUTLET_REAL:
             reals[outlet.word] = value * outlet.scale
-            step_with_plant(axes[outlet.axis], step_ns)
+            step_with_plant(axes[outlet.axis], step_ns, now)
         elif outlet.form == OUTLET_PLACE:
             held = axes[outlet.axis].outside
             held.place = value
             held.speed = (value - held.shaft) * TURN / (step_ns * 1e-9)
             held.leads = 1
-            step_with_plant(axes[outlet.axis], step_ns)
+            step_with_plant(axes[outlet.axis], step_ns, now)
         elif outlet.form == OUTLET_STATION:
             if outlet.seen == 0 or value != outlet.shown:
                 outlet.shown = value
@@ -143,7 +143,7 @@ def take_step(row: Any, now: int) -> None:
     _copy(wires, values, 1)
     couplings = array_at(row.coupling, row.coupling_count, _COUPLING)
     axes = array_at(row.axis, row.axis_count, _AXIS)
-    uncouple(couplings, axes, int(step))
+    uncouple(couplings, axes, int(step), now)
     _give(row, axes, values, int(step), now)
     for number in range(row.coupling_count):
         coupling = couplings[number]

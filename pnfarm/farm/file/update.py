@@ -97,7 +97,7 @@ class _Update:
         }
 
     def _groups(self, key: str) -> dict[str, Part]:
-        return self.editor.parts(self.user[key].value) if key in self.user else {}
+        return self.editor.parts(self.user[key].value) if _has_groups(self.user, key) else {}
 
     def options(self) -> None:
         """Merge the keys beside the stations; they are the import's options more than the project's."""
@@ -119,7 +119,7 @@ class _Update:
     def stations(self, key: str) -> None:
         """Merge a list of stations."""
         user = self._groups(key)
-        base, made = (each[key].parts if key in each else {} for each in (self.base, self.made))
+        base, made = (each[key].parts if _has_groups(each, key) else {} for each in (self.base, self.made))
         if key in self.user and not user:
             self.merging.by_hand(key, self.user[key].line, "its groups", "two of them have the same name")
             return
@@ -170,7 +170,7 @@ class _Update:
         """The project's new stations without those that the user has already, under their names or addresses."""
         others: dict[str, Part] = {}
         for key in _LISTS:
-            known = {*paired, *(self.base[key].parts if key in self.base else ())}
+            known = {*paired, *(self.base[key].parts if _has_groups(self.base, key) else ())}
             others |= {group: part for group, part in self._groups(key).items() if group not in known}
         found: dict[str, Part] = {}
         for name, now in fresh.items():
@@ -323,6 +323,11 @@ def _members(group: Mapping[str, Any]) -> list[str]:
     if not (isinstance(count, int) and isinstance(start, int) and 0 < count <= MAX_DRIVES):
         return [str(group["name"])]
     return [expand_name(str(group["name"]), start + step) for step in range(count)]
+
+
+def _has_groups(parts: Mapping[str, Part], key: str) -> bool:
+    """Whether there is such a list: somebody may have made a mapping of it."""
+    return key in parts and isinstance(parts[key].plain, list)
 
 
 def _is_pattern(part: Part) -> bool:
