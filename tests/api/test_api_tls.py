@@ -390,6 +390,7 @@ def test_a_client_that_does_not_read_by_tls_is_closed_as_any_other(world, made, 
                 while world.context.streams:
                     for number in range(200):
                         world.line.log.record(number, "axis-01", Something("try", {"text": "x" * 400}))
+                    # the client does not read: the kernel's buffers fill, and the server's limit is on the wall clock
                     await anyio.sleep(0.01)
 
     anyio.run(main)

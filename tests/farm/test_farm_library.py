@@ -16,6 +16,7 @@ async def main():
             # held: else a busy machine may miss the moment until the program acknowledges it
             async with drive.fault("f702", hold=True):
                 while not drive.snapshot()["fault"]:
+                    # what a user writes who has only readings; within the 20 s above
                     await anyio.sleep(0.005)
                 print(drive.snapshot()["fault"]["number"])
             while drive.snapshot()["state"] != "S4":

@@ -65,6 +65,7 @@ def until(holds: Callable[[], bool], farm: Program) -> None:
     while not holds():
         assert farm.process.poll() is None
         assert time.monotonic() < end, farm.log()
+        # another process: it can only be asked again
         time.sleep(0.05)
 
 

@@ -161,4 +161,5 @@ class Boot:
                     group.rmdir()
                 self._group.rmdir()
             assert time.monotonic() < deadline, f"{self._group} is still used"
+            # the kernel frees a group when its last process is gone, and reports it to nobody
             time.sleep(0.05)

@@ -163,6 +163,7 @@ class Pace:
                 return
             self._next = max(self._next, loop.time() - AT_ONCE / PER_SECOND) + 1 / PER_SECOND
             if (left := self._next - loop.time()) > 0:
+                # a handshake takes milliseconds of the event loop, which the drives' answers need between two of them
                 await asyncio.sleep(left)
 
 

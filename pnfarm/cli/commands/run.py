@@ -13,7 +13,7 @@ from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
 from pnfarm.terminal.output import print_next
 from pnfarm.terminal.settings import (
     TlsCaOption,  # noqa: TC001 - the command line is made from the annotations
-    TokenOption,  # noqa: TC001 - the same
+    TokenOption,  # noqa: TC001 - the command line is made from the annotations
 )
 
 if TYPE_CHECKING:
