@@ -78,9 +78,9 @@ def step_with_plant(axis: Any, step_ns: int, now: int) -> None:
     since = now - axis.last_ns
     if 0 < since < step_ns and axis.step_ns >= longest and axis.clock.settings.drift == 0.0:
         # it stepped between two steps of the plant: its next one is longer, and then they go together
-        longest += since
-        axis.step_ns = longest
-    axis.step_ns = min(axis.step_ns, longest)
+        axis.step_ns = longest + since
+    else:
+        axis.step_ns = min(axis.step_ns, longest)
 
 
 @inlined

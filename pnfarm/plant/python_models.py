@@ -49,9 +49,9 @@ class _Model:
             raise ConfigError(f"plant model {planned.name} cannot be made: {placed(exc, what.module)}") from exc
         # gives and takes numbers of Python's own, in half of the time that an array needs
         self._values: Any = memoryview(values)
-        inputs, self._outputs = planned.inputs.values(), [(port.name, at) for port, at in planned.outputs.values()]
-        self._numbers = [(port.name, at) for port, at in inputs if port.form != "bit"]
-        self._bits = [(port.name, at) for port, at in inputs if port.form == "bit"]
+        self._numbers = [(port.name, at) for port, at in planned.inputs.values() if port.form != "bit"]
+        self._bits = [(port.name, at) for port, at in planned.inputs.values() if port.form == "bit"]
+        self._outputs = [(port.name, at) for port, at in planned.outputs.values()]
         for port, at in planned.outputs.values():
             if not hasattr(self.model, port.name):
                 setattr(self.model, port.name, False if port.form == "bit" else 0.0)
