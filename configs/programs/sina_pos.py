@@ -16,6 +16,8 @@ The block has no output Done: that a motion is over is AxisPosOk, that homing is
 from it: it sets inputs, and calls `super().cycle(inputs, outputs, now)`.
 """
 
+from functools import lru_cache
+
 from pnfarm import AxisProgram
 
 RELATIVE, ABSOLUTE, SET_UP, HOMING, SET_REFERENCE, BLOCK, JOG, JOG_INCREMENTAL = range(1, 9)
@@ -33,6 +35,12 @@ LAST_BLOCK = 63
 NO_FAULT, READ_ERROR, DRIVE_FAULT, INHIBITED = 0x7002, 0x8600, 0x8401, 0x8402
 WRONG_MODE, WRONG_OVERRIDE, WRONG_BLOCK, NO_FLYING_HOMING = 0x8202, 0x8203, 0x8204, 0x8403
 SECOND = 1_000_000_000
+
+
+@lru_cache(64)
+def configured_words(config):
+    """The bits of each word that ConfigEPos sets."""
+    return {word: sum((config >> place & 1) << bit for place, bit in places) for word, places in CONFIG.items()}
 
 
 class SinaPos(AxisProgram):
@@ -128,8 +136,8 @@ class SinaPos(AxisProgram):
             | (mode == HOMING and one_way and self.Negative) << 9,
             "STW2": 0,
         }  # fmt: skip
-        for word, config in CONFIG.items():
-            outputs[word] = bits[word] | sum((self.ConfigEPos >> place & 1) << bit for place, bit in config)
+        for word, configured in configured_words(self.ConfigEPos).items():
+            outputs[word] = bits[word] | configured
         shares = (max(0, min(most, getattr(self, name))) * FULL // 100 for name, most in LIMITS.items())
         outputs["OVERRIDE"], outputs["MDI_ACC"], outputs["MDI_DEC"] = shares
         outputs["MDI_TARPOS"] = self.Position if mode in MDI else 0

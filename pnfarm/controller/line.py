@@ -16,7 +16,7 @@ from pnfarm.config.links import MemoryLink as MemorySection
 from pnfarm.controller.group import Controllers
 from pnfarm.controller.plan import plan_controllers
 from pnfarm.controller.program_file import program_of, program_settings
-from pnfarm.controller.program_runner import ProgrammedNode, ProgramRunner
+from pnfarm.controller.program_runner import ProgramRunner
 from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.buses.controller import Controller
-    from pnfarm.buses.node import Node
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.drives.parameters.memory import NonVolatile
     from pnfarm.farm.file.reading import FarmConfig
@@ -112,12 +111,10 @@ async def join_controllers(
             in_real_time=False,
             call_ns=settings.call_time_ns,
         )
-    nodes: list[Node] = list(controllers)
-    if runner is not None:
-        *_, last = controllers
-        nodes[-1] = ProgrammedNode(last, runner)
-    for node, port in zip(nodes, ports, strict=True):
+    for node, port in zip(controllers, ports, strict=True):
         world.join(node, [port])
+    if runner is not None:
+        world.join_programs(runner)
     controllers.start(world.now)
     return JoinedControllers(controllers, runner, links)
 

@@ -1,7 +1,7 @@
 """Calls the users' programs of a controller's axes, each once a cycle, and puts what they write into the telegrams.
 
 No clock and no task of its own: :meth:`ProgramRunner.service` makes the calls that are due, in virtual time from the
-world (:class:`ProgrammedNode`), in real time from a thread (:class:`pnfarm.controller.program_thread.ProgramThread`).
+world, in real time from a thread (:class:`pnfarm.controller.program_thread.ProgramThread`).
 A program that raises, or that takes longer than the limit, is not called again; its axis gets OFF1 and no set points,
 and its sign of life goes on, so that the drive stops along its ramp.
 """
@@ -29,11 +29,10 @@ from pnfarm.user_code.worker import Call, Caller
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.buses.controller import Controller
     from pnfarm.controller.group import ControlledDevice, Controllers
     from pnfarm.engine.columns import Columns
 
-__all__ = ["Note", "ProgramFailed", "ProgramLate", "ProgramRunner", "ProgrammedNode"]
+__all__ = ["Note", "ProgramFailed", "ProgramLate", "ProgramRunner"]
 
 #: ``note(now, drive, event)``.
 Note = Callable[[int, str, Event], object]
@@ -334,27 +333,3 @@ class ProgramRunner:
 
 def _first_line(program: AxisProgram) -> int:
     return type(program).cycle.__code__.co_firstlineno
-
-
-class ProgrammedNode:
-    """A controller together with the users' programs of all axes: a :class:`~pnfarm.buses.node.Node`.
-
-    With several controllers it is the last, so that the programs see what all of them received.
-    """
-
-    def __init__(self, controller: Controller, runner: ProgramRunner) -> None:
-        self._controller = controller
-        self._runner = runner
-        self.columns = controller.columns
-        self.link = controller.link
-
-    def receive(self, port: int, frame: bytes, now: int) -> None:
-        self._controller.receive(port, frame, now)
-
-    def service(self, now: int) -> None:
-        self._controller.service(now)
-        self._runner.service(now)
-
-    def next_deadline(self) -> int | None:
-        deadlines = (self._controller.next_deadline(), self._runner.next_deadline())
-        return min((due for due in deadlines if due is not None), default=None)

@@ -7,7 +7,7 @@ Cyclic frames are exchanged inside compiled code; acyclic ones travel through th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from pnfarm.engine import virtual as engine_virtual
 from pnfarm.engine.channels.delay_queue import sent_length, sent_port
 from pnfarm.errors import InternalError
 from pnfarm.links.memory import MemoryLink, MemorySwitch
-from pnfarm.protocols.deadlines import earliest
+from pnfarm.protocols.deadlines import Timed, earliest
 from pnfarm.table.compiling.compiled import direct
 from pnfarm.wire.direction import Direction
 from pnfarm.wire.mac import mac_to_int
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.columns import Columns
     from pnfarm.links.base import Port
 
-__all__ = ["Seen", "VirtualClock", "VirtualWorld"]
+__all__ = ["Seen", "Serviced", "VirtualClock", "VirtualWorld"]
 
 deliver, take = direct(engine_virtual.deliver), direct(engine_virtual.take)
 next_due, tick = direct(engine_tick.next_due), direct(engine_tick.tick)
@@ -39,6 +39,15 @@ Seen = Callable[[int, bytes, int, Direction], None]
 
 #: Where virtual time begins: not at zero, which means "never" in several columns.
 EPOCH_NS = 1_000_000_000_000
+#: Longest chain of frames and answers within one instant.
+MOST_ROUNDS = 1000
+
+
+class Serviced(Timed, Protocol):
+    """What has something to do at its deadline."""
+
+    def service(self, now: int) -> None:
+        """Do what is due."""
 
 
 class VirtualClock:
@@ -61,9 +70,14 @@ class VirtualWorld:
         self.clock = VirtualClock(begin_ns)
         self.switch = MemorySwitch()
         self._nodes: list[Node] = []
+        #: All that has deadlines, in the order of their service: the nodes, and the users' programs behind them.
+        self._parts: list[Serviced] = []
+        self._dues: list[int | None] = []
         #: For each node: its table, and the field that counts its events.
         self._tables: list[Columns] = []
         self._heads: list[np.ndarray] = []
+        #: For each part: the events of its node until its last service.
+        self._served: list[int] = []
         self._addresses: list[tuple[np.ndarray, np.ndarray]] = []
         self._ports: dict[bytes, int] = {}
         self._seen: Seen | None = None
@@ -85,11 +99,18 @@ class VirtualWorld:
         """
         first = not self._nodes
         self._nodes.append(node)
+        self._parts.insert(len(self._nodes) - 1, node)
+        self._served.insert(len(self._nodes) - 1, -1)
         self._tables.append(node.columns)
         self._heads.append(node.columns.engine["event_head"])
         self._addresses.append(_sorted((port.mac, port.index) for port in ports))
         if first:
             self._ports = {port.mac: port.index for port in ports}
+
+    def join_programs(self, programs: Serviced) -> None:
+        """Call users' programs at their times, after all nodes, so that they see what these received."""
+        self._parts.append(programs)
+        self._served.append(0)
 
     def _follow_addresses(self) -> None:
         """A port of the switch has another address: frames to it arrive there."""
@@ -109,8 +130,8 @@ class VirtualWorld:
     def run(self, seconds: float, *, until: Callable[[], bool] | None = None, look_ns: int | None = None) -> bool:
         """Let time pass; stops early, and returns True, once ``until`` holds.
 
-        It is called after each event and, with ``look_ns``, also at that interval, where it may change
-        set points.
+        It is called after each event, where it only looks, and with ``look_ns`` also at that interval, where it may
+        change set points.
         """
         end = self.now + round(seconds * 1e9)
         look = None if look_ns is None else self.now + look_ns
@@ -119,8 +140,9 @@ class VirtualWorld:
             if until is not None:
                 if until():
                     return True
-                # which may have changed something
-                first = self._earliest()
+                if look_ns is not None:
+                    # which may have changed something
+                    first = earliest(self.switch, *self._parts)
             if self.now >= end:
                 return False
             target = max(self.now, end if first is None else min(end, first))
@@ -131,7 +153,8 @@ class VirtualWorld:
                     look += look_ns
                 if self._looking(target, until, look, look_ns):
                     return True
-            first = self._settle()
+            # only what is due, unless `until` may have changed something
+            first = self._settle(whole=look_ns is not None)
 
     def _looking(self, target: int, until: Callable[[], bool], look: int, look_ns: int) -> bool:
         """Ticks up to ``target``, or to the first event; ends early, with True, once ``until`` holds."""
@@ -213,20 +236,28 @@ class VirtualWorld:
         take(controller, farm, waiting)
         return now
 
-    def _earliest(self) -> int | None:
-        """The first deadline of a node or of a frame on its way."""
-        return earliest(self.switch, *self._nodes)
+    def _settle(self, *, whole: bool = True) -> int | None:
+        """Handle everything acyclic that is due at this instant; the first deadline after it.
 
-    def _settle(self) -> int | None:
-        """Handle everything acyclic that is due at this instant; the first deadline after it."""
-        for _ in range(1000):
+        ``whole``: ask each part, as something may have been done to it from outside; else what is due or has events.
+        """
+        for _ in range(MOST_ROUNDS):
             delivered = self.switch.deliver(self.now)
-            for node in self._nodes:
-                node.service(self.now)
-            due = self._earliest()
+            self._service(whole=whole or delivered > 0)
+            self._dues = [part.next_deadline() for part in self._parts]
+            due = min((one for one in (self.switch.next_deadline(), *self._dues) if one is not None), default=None)
             if not delivered and (due is None or due > self.now):
                 return due
         raise InternalError("the virtual world does not come to rest: a machine asks to be called again and again")
+
+    def _service(self, *, whole: bool) -> None:
+        heads = [int(head[0]) for head in self._heads]
+        for number, part in enumerate(self._parts):
+            head = heads[number] if number < len(heads) else 0
+            due = None if whole else self._dues[number]
+            if whole or (due is not None and due <= self.now) or head != self._served[number]:
+                self._served[number] = head
+                part.service(self.now)
 
 
 def _sorted(ports: Iterable[tuple[bytes, int]]) -> tuple[np.ndarray, np.ndarray]:

@@ -57,7 +57,7 @@ class Drive(DriveReadings):
 
         try:
             began = passing.now()
-            held = await passing.wait(holds, within_ns, polled=watch.polled)
+            held = await passing.wait(holds, within_ns, polled=watch.polled(virtual=passing.in_virtual_time))
         finally:
             unsubscribe()
         if not held:

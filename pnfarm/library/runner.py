@@ -40,6 +40,8 @@ STRETCH_NS = 1_000_000_000
 class FarmRunner(ABC):
     """A farm in this process, and its time."""
 
+    in_virtual_time = False
+
     def __init__(self) -> None:
         self.log = EventLog(quiet=True)
         self._collector: FarmCollector | None = None
@@ -174,6 +176,8 @@ class RealTimeRunner(FarmRunner):
 
 class VirtualTimeRunner(FarmRunner):
     """In memory in virtual time, which passes only while something is awaited of the farm."""
+
+    in_virtual_time = True
 
     def __init__(self, config: FarmConfig, shard: Shard | None = None) -> None:
         super().__init__()

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.plant.fmi.planned import FmuModel
+from pnfarm.plant.python_file import ModelClass
 from pnfarm.signals.layers import EVERY
 from pnfarm.signals.refusal import SignalError
 from pnfarm.signals.signal import Signal
@@ -198,12 +200,14 @@ class PlantPart:
 
 def port_signals(model: PlannedModel) -> dict[str, Signal]:
     """The ports of a model as signals: inputs, then outputs."""
+    # those of built-in behaviours change with the plant's steps, inside compiled code
+    stepped = isinstance(model.what, (ModelClass, FmuModel))
     return {
         **{name: _signal(port, "input", name in model.exported) for name, (port, _) in model.inputs.items()},
-        **{name: _signal(port, "output", name in model.exported) for name, (port, _) in model.outputs.items()},
+        **{name: _signal(port, "output", name in model.exported, stepped) for name, (port, _) in model.outputs.items()},
     }
 
 
-def _signal(port: Port, direction: Any, exported: bool) -> Signal:
+def _signal(port: Port, direction: Any, exported: bool, stepped: bool = False) -> Signal:
     kind = BOOL if port.form == "bit" else FLOAT64
-    return Signal(port.name, direction, 0, 0, 0, kind, None, port.unit, 1.0, "little", exported)
+    return Signal(port.name, direction, 0, 0, 0, kind, None, port.unit, 1.0, "little", exported, stepped)

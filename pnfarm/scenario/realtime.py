@@ -43,7 +43,7 @@ async def carry_out(
                 break
             # the farm's runtime sends what a step put in force
             poke()
-            pause = min(due - now(), LOOK_NS if run.polled else PAUSE_NS)
+            pause = min(due - now(), LOOK_NS if run.polled(virtual=False) else PAUSE_NS)
             if pause > 0:
                 try:
                     await asyncio.wait_for(woken.wait(), pause / 1e9)

@@ -1,7 +1,7 @@
 """A scenario at work, without a clock: :meth:`ScenarioRun.advance` carries out what is due and says when to come back.
 
 Its rig (:mod:`pnfarm.scenario.virtual`, :mod:`pnfarm.scenario.realtime`) calls it at that time, after each entry of the
-farm's log, and while :attr:`ScenarioRun.polled` at least every :data:`LOOK_NS`.  The course of the steps is
+farm's log, and while :meth:`ScenarioRun.polled` at least every :data:`LOOK_NS`.  The course of the steps is
 :mod:`pnfarm.scenario.flow`'s.
 """
 
@@ -110,10 +110,9 @@ class ScenarioRun(Flow):
         except PnfarmError as error:
             raise ConfigError(str(self.binding.scenario.issue(step, "", str(error), ""))) from error
 
-    @property
-    def polled(self) -> bool:
+    def polled(self, *, virtual: bool) -> bool:
         """Whether it wants to be called every :data:`LOOK_NS`."""
-        return any(watch.polled for watch in self._watches)
+        return any(watch.polled(virtual=virtual) for watch in self._watches)
 
     def advance(self, now: int) -> int:
         if self._moments is not None and not self.finished:

@@ -58,7 +58,7 @@ def carry_on(run: ScenarioRun, world: VirtualWorld, stretch_ns: int, passing: Ea
         return run.finished or run.steps_begun != begun or len(run.record.cases) != cases
 
     if not run.finished and due > world.now:
-        world.run((due - world.now) / 1e9, until=looked, look_ns=LOOK_NS if run.polled else None)
+        world.run((due - world.now) / 1e9, until=looked, look_ns=LOOK_NS if run.polled(virtual=True) else None)
 
 
 async def run_virtual(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.description.parts import fault_label
-from pnfarm.signals.device_signal import split_name
+from pnfarm.signals.device_signal import DeviceSignal, split_name
 from pnfarm.station import events
 from pnfarm.station.signals import EVENT_SIGNALS
 
@@ -65,10 +65,13 @@ class Watch:
         self.all_now = False
         self._seen: dict[str, dict[str, Value]] = {}
 
-    @property
-    def polled(self) -> bool:
+    def polled(self, *, virtual: bool) -> bool:
         """Whether it has a signal whose changes are no events, so that it must be looked at often."""
-        return any(set(condition.signals) - EVENT_SIGNALS for condition in self._conditions.values())
+        return any(
+            name not in EVENT_SIGNALS and not (virtual and isinstance(signal, DeviceSignal) and signal.signal.stepped)
+            for condition in self._conditions.values()
+            for name, signal in condition.signals.items()
+        )
 
     @property
     def all_held(self) -> bool:

@@ -28,7 +28,8 @@ class Signal:
     """One signal.
 
     ``octet`` counts from the first of the submodule's inputs or outputs, ``bit`` (0 to 7, of a ``bool``) from the least
-    significant one; None where the value has octets of its own.  ``exported``: as a metric.
+    significant one; None where the value has octets of its own.  ``exported``: as a metric.  ``stepped``: in virtual
+    time it changes with its model's own steps alone, each of which is an event.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Signal:
     scale: float = 1.0
     order: ByteOrder = "big"
     exported: bool = False
+    stepped: bool = False
 
     @property
     def end(self) -> int:

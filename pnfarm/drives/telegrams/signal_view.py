@@ -70,6 +70,9 @@ class SignalForm:
 
     def packed(self, value: object) -> int:
         """The process image's 32 bits (a signed double word, or a word without a sign); raises :class:`ValueError`."""
+        if type(value) is int and 0 <= value < 1 << self.bits - 1 and not self.real:
+            # what most programs write
+            return value
         least, most = self.bounds
         if self.real:
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value <= most:
