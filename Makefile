@@ -29,7 +29,7 @@ APART := "cm-ethernetip<0.2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-annotate --custom-compile-command "make lock"
 
-.PHONY: demo test newest lint docs install fuzz soak bench release-check wheel reproducible sbom audit lock clean
+.PHONY: demo test newest lint docs install fuzz soak strangers bench release-check wheel reproducible sbom audit lock clean
 
 demo: $(STAMP)
 	@$(BIN)/pnfarm demo $(ARGS)
@@ -59,6 +59,9 @@ fuzz: $(TEST_STAMP)
 
 soak: $(TEST_STAMP)
 	$(BIN)/python -m tests.soak $(ARGS)
+
+strangers: $(TEST_STAMP)
+	$(BIN)/python -m tests.strangers $(ARGS)
 
 bench: $(STAMP)
 	$(BIN)/pnfarm bench $(ARGS)

@@ -68,7 +68,7 @@ def measured(asked: str, before: Reading, after: Reading) -> float:
         return after.get(("", ""), math.nan)
     if asked == "increases":
         return after.get(("", ""), math.nan) - before.get(("", ""), 0.0)
-    return _quantile(QUANTILES[asked], {
+    return quantile(QUANTILES[asked], {
         float(bound): value - before.get((name, bound), 0.0)
         for (name, bound), value in after.items()
         if name == "_bucket"
@@ -97,7 +97,7 @@ def show_comparison(metric: str, value: float, bound: Bound) -> tuple[str, str]:
     return show_value(metric, value, (bound.value,)), f"{bound.sign} {show_value(metric, bound.value, (value,))}"
 
 
-def _quantile(q: float, cumulative: Mapping[float, float]) -> float:
+def quantile(q: float, cumulative: Mapping[float, float]) -> float:
     """By linear interpolation inside a bucket, as Prometheus's histogram_quantile."""
     total = cumulative.get(math.inf, 0.0)
     if total <= 0:

@@ -7,12 +7,13 @@ import json
 import resource
 import socket
 import time
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from itertools import repeat
 
 import anyio
 import httpx
 import pytest
+import structlog
 from api_world import ApiWorld
 from events import Something
 
@@ -138,6 +139,36 @@ def test_a_body_that_never_ends_is_given_up(world, monkeypatch):
             assert await closed(stream)
 
     anyio.run(main)
+
+
+@pytest.mark.parametrize(
+    ("path", "kind", "status"),
+    [("faults", "application/json", b"400"), ("faults", "text/plain", b"415"), ("drives", "text/plain", b"405")],
+)
+def test_a_body_that_is_no_http_ends_its_request_and_is_no_error_of_the_farm(world, caplog, path, kind, status):
+    lines = (f"POST /api/v1/{path} HTTP/1.1", "Host: 127.0.0.1", f"Content-Type: {kind}", "Transfer-Encoding: chunked")
+    head = "\r\n".join((*lines, "", "")).encode()
+
+    async def run():
+        async with served(world) as (host, port):
+            for broken in (b"zz\r\n", b"5\r\nabcdefgh", b"1\r\n{\r\nzz\r\n"):
+                async with await anyio.connect_tcp(host, port) as stream:
+                    await stream.send(head)
+                    # the application waits for the body, or has answered already
+                    await anyio.sleep(0.02)
+                    await stream.send(broken)
+                    answer = b""
+                    with suppress(anyio.EndOfStream, anyio.BrokenResourceError):
+                        while True:
+                            answer += await stream.receive()
+                    assert answer.split(b" ", 2)[1] == status
+            async with httpx.AsyncClient(base_url=f"http://{host}:{port}") as client:
+                assert (await client.get("/api/v1/drives")).status_code == 200
+
+    with structlog.testing.capture_logs() as logged:
+        anyio.run(run)
+    assert [entry for entry in logged if entry["log_level"] in {"error", "critical"}] == []
+    assert [record for record in caplog.records if record.levelname in {"ERROR", "CRITICAL"}] == []
 
 
 def test_a_body_beyond_all_bounds_is_refused_while_it_comes_and_the_rest_is_not_kept(world, monkeypatch):

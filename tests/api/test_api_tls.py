@@ -32,6 +32,7 @@ from pnfarm.terminal.client import FarmClient
 from pnfarm.testing import Rig
 from pnfarm.vocabulary.trust import client_context
 from pnfarm.web.roles import Role
+from tests.strangers.attacks import ATTACKS, Target, tokens_of
 
 TOKEN = "a-long-secret"  # a test's, nobody's
 
@@ -423,3 +424,28 @@ def test_a_stream_by_tls_ends_when_its_token_is_removed_and_the_log_has_no_error
         anyio.run(main)
     assert not [entry for entry in logs if entry["log_level"] == "error"]
     assert not [record for record in caplog.records if record.levelname in {"WARNING", "ERROR"}]
+
+
+#: Attacks that take no longer than their requests.
+QUICK = sorted(set(ATTACKS) - {"slow requests", "half-open connections", "streams that nobody reads"})
+
+
+def test_strangers_get_what_is_theirs_change_nothing_and_the_log_has_no_error(made, tmp_path, caplog):
+    secrets = tokens_of(tmp_path / "tokens")
+    world = ApiWorld(1, controller=False, tokens=TokenFile(tmp_path / "tokens"))
+    found = {}
+
+    async def main():
+        async with served(world, made) as port:
+            target = Target("farm", port, client_context(made.authority), secrets)
+            for name in QUICK:
+                found[name] = await ATTACKS[name].go(target)
+
+    with structlog.testing.capture_logs() as logged:
+        anyio.run(main)
+    assert {name: wrong for name in QUICK if (wrong := set(found[name]) - ATTACKS[name].may)} == {}
+    headers = {"Authorization": f"Bearer {secrets['wall']}"}
+    assert world.get("/api/v1/faults", headers=headers).json()["faults"] == []
+    assert world.line.farm.axes[0].station.powered
+    assert [entry for entry in logged if entry["log_level"] in {"error", "critical"}] == []
+    assert [record for record in caplog.records if record.levelname in {"ERROR", "CRITICAL"}] == []

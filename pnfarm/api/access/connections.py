@@ -26,6 +26,7 @@ import time
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
+import h11
 import structlog
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
@@ -187,6 +188,17 @@ class LimitedProtocol(H11Protocol):
     def data_received(self, data: bytes) -> None:
         super().data_received(data)
         self._look()
+
+    def send_400_response(self, msg: str) -> None:
+        """The client broke HTTP, perhaps within a request: what answers this one ends, and the connection with it."""
+        if self.cycle is not None and not self.cycle.response_complete:
+            self.cycle.disconnected = True
+            self.cycle.message_event.set()
+        if self.conn.our_state in {h11.IDLE, h11.SEND_RESPONSE}:
+            super().send_400_response(msg)
+        else:
+            # its request is answered, at least in part
+            self.transport.close()
 
     def on_response_complete(self) -> None:
         super().on_response_complete()
