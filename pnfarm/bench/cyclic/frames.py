@@ -86,7 +86,7 @@ def memory(seconds: float, load: Load) -> list[Result]:
     """Resident memory of one more drive, connected."""
     del seconds
     value = memory_per_station(16, 272, load, lambda drives: farm_and_plc(drives, "16ms", 16))
-    return [Result("memory-per-drive", value, "kB", None, "<= 200", 0 < value <= 200)]
+    return [Result("memory-per-drive", value, "kB", None, "<= 80", 0 < value <= 80)]
 
 
 def flat(seconds: float, load: Load) -> list[Result]:
@@ -119,7 +119,7 @@ def akd_1024(seconds: float, load: Load) -> list[Result]:
     floor = cores(low + settled_floor(1024, 16, 1_000_000, min(5.0, seconds), load))
     ratio = used.over(floor)
     return [
-        used.row("akd-1024-cpu", "cores", ratio, "ratio <= 1.5", ratio <= 1.5),
+        used.row("akd-1024-cpu", "cores", ratio, "ratio <= 1.4", ratio <= 1.4),
         floor.row("akd-1024-floor", "cores", 1.0),
         Result("akd-1024-expirations", lost, f"in {seconds:g} s", None, "0", lost == 0),
     ]

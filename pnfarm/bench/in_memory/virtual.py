@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 __all__ = ["firmware", "scrape", "trace", "virtual_time"]
 
-#: 60 x real time on the machine of docs/bench.md, where the loop that only copies the frames is 965 x as fast as real
+#: 96 x real time on the machine of docs/bench.md, where the loop that only copies the frames is 965 x as fast as real
 #: time: as a ratio, it says the same on another machine, and at an hour when this one is slower.
-WANTED_SPEED, USUAL_FLOOR = 60, 965
+WANTED_SPEED, USUAL_FLOOR = 96, 965
 #: Farm time of a turn of farm and loop, s, and the turns of a window.
 TURN_SECONDS, TURNS = 0.2, 12
 HOUR = 3600.0
