@@ -62,10 +62,7 @@ def test_seconds_of_random_faults_over_real_programs_end_with_a_verdict(soak, tm
     assert process.returncode == 0, said
     report = json.loads((tmp_path / "report.json").read_text())
     verdicts = {check["name"]: check["ok"] for check in report["checks"]}
-    # memory is not judged in so short a time
-    assert {name for name, ok in verdicts.items() if ok is None} == {
-        "farm rss flat", "controller rss flat", "farm blocks flat", "controller blocks flat"
-    }  # fmt: skip
+    assert set(verdicts.values()) == {True}
     for name in ("every drive in operation", "no fault left", "event stream complete", "interfaces gone"):
         assert verdicts[name] is True
         assert name in said
@@ -84,7 +81,7 @@ def test_ctrl_c_ends_a_run_and_its_programs(soak, tmp_path):
     else:
         process.wait()
         skip_without_namespace(process, said)
-    assert len(of_run(tmp_path)) == 2, said
+    assert len(of_run(tmp_path)) == 6, said
     process.send_signal(signal.SIGINT)
     rest, _ = process.communicate(timeout=SECONDS)
     assert process.returncode == 130, said + rest

@@ -28,6 +28,7 @@ def test_after_minutes_of_random_faults_every_drive_is_back_and_nothing_is_left(
     assert {check.ok for check in checks} == {True}, virtual.shown(checks)
     assert {"memory flat", "objects flat", "event stream complete"} <= verdict(checks).keys()
     assert len(run.kinds) > 40
+    assert run.losses.by_reason
     assert {
         "fault",
         "invalid",
