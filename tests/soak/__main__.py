@@ -57,7 +57,7 @@ def _options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
         "--drives", type=_drives, default=None,
-        help="drives of the makers' models on PROFINET, 1 to 200 (default: 32; 8 with --virtual); from 8 on, the other"
+        help="drives of the makers' models on PROFINET, 1 to 200 (default: 64; 8 with --virtual); from 8 on, the other"
         " buses, a drive system, devices and a plant come with them",
     )  # fmt: skip
     parser.add_argument("--rate", type=_positive, default=1.5, help="actions a second (default: 1.5)")
@@ -68,7 +68,7 @@ def _options(arguments: list[str] | None = None) -> argparse.Namespace:
     )
     options = parser.parse_args(arguments)
     if options.drives is None:
-        options.drives = 8 if options.virtual else 32
+        options.drives = 8 if options.virtual else 64
     return options
 
 

@@ -78,7 +78,7 @@ def of_hub(hub: Any) -> dict[str, Any]:
 #: Of what a farm, a controller or a hub holds: what is a row of a table, or stands for one.
 ROWS = (
     "provider rows", "consumer rows", "impairment rows", "gate rules", "gate frames", "fault runs due", "connections",
-    "streams", "streams", "calls", "log subscribers", "faults known", "shards",
+    "streams", "streams", "calls", "log subscribers", "shards",
 )  # fmt: skip
 
 

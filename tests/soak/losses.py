@@ -76,7 +76,7 @@ class Losses:
             del reasons[name]
 
     def _why(self, station: str, entry: Mapping[str, Any], at: float) -> str:
-        """The last thing that began among those that may be the reason; "" if there is none."""
+        """What began last of what is in force, or else of what was a moment ago; "" if there is nothing."""
         if entry.get("cause") == "farm":
             return "the farm was late"
         found = [
@@ -85,7 +85,7 @@ class Losses:
             for reason in self._reasons[place].values()
             if reason.begin <= at <= reason.end + GRACE_SECONDS
         ]
-        return max(found, key=lambda reason: reason.begin).what if found else ""
+        return max(found, key=lambda reason: (reason.end >= at, reason.begin)).what if found else ""
 
     def _lost(self, station: str, entry: Mapping[str, Any], at: float) -> None:
         why = self._why(station, entry, at) or UNEXPLAINED
@@ -113,10 +113,7 @@ class Losses:
             return
         lost, why = self.away.pop(station)
         ends = [reason.end for place in (station, "") for reason in self._reasons[place].values() if reason.end <= at]
-        self.returned(why, at - max([lost, *ends]), station)
-
-    def returned(self, why: str, seconds: float, station: str) -> None:
-        """Something is back so long after its reason ended."""
+        seconds = at - max([lost, *ends])
         if seconds > self.longest.get(why, (-1.0, ""))[0]:
             self.longest[why] = seconds, station
 

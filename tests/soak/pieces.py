@@ -41,13 +41,13 @@ def run_pieces(kept: Kept, path: Path, run: Run, seconds: float, *, shortest: fl
         number, seed = kept.number, kept.seed
         print(f"piece {number}, seed {seed}, {length / 60:.0f} min; {kept.left / 3600:.2f} h are left", flush=True)
         out.unlink(missing_ok=True)
-        began = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime())
+        began, sources = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime()), commit()
         code = run(length, seed, out)
         piece = json.loads(out.read_text("utf-8")) if out.exists() else {"seconds": 0.0}
         out.unlink(missing_ok=True)
         if piece["seconds"] >= min(shortest, length):
             kept.pieces.append(
-                {"number": number, "seed": seed, "commit": commit(), "began": began, "code": code,
+                {"number": number, "seed": seed, "commit": sources, "began": began, "code": code,
                  "machine": machine(), **piece}
             )  # fmt: skip
             kept.write(path)

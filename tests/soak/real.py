@@ -64,6 +64,8 @@ class RealRun:
         self.lock = threading.Lock()
         self.stream = Stream()
         self.losses, self.line_losses = Losses("time"), Losses("time")
+        #: The longest time until a program that was disturbed was back: what was done, seconds, which.
+        self.returns: dict[str, tuple[float, str]] = {}
         self.samples: list[dict[str, Any]] = []
         self.rests: list[dict[str, Any]] = []
         self.closer: list[dict[str, Any]] = []
@@ -254,7 +256,8 @@ class RealRun:
                 self._until("the hub is ready", START_SECONDS, self._hub_ready)
                 self._until("the line is back", BACK_SECONDS, lambda: not self._away_from_line())
         self.harm.done[what] += 1
-        self.losses.returned(f"{what}, program", time.monotonic() - began, name)
+        seconds = time.monotonic() - began
+        self.returns[f"{what}, program"] = max(self.returns.get(f"{what}, program", (0.0, "")), (seconds, name))
 
     @contextmanager
     def _expected_losses(self, name: str, what: str) -> Any:
@@ -428,7 +431,11 @@ class RealRun:
             "failures": self.api.failures[:100] + self.hub.failures[:100],
             "losses": {**losses["losses"], **{f"line: {why}": count for why, count in line["losses"].items()}},
             "unexplained": losses["unexplained"] + line["unexplained"],
-            "returns": {**losses["returns"], **{f"line: {why}": value for why, value in line["returns"].items()}},
+            "returns": {
+                **self.returns,
+                **losses["returns"],
+                **{f"line: {why}": value for why, value in line["returns"].items()},
+            },
             "rests": self.rests,
             "closer": self.closer,
             "samples": self.samples,

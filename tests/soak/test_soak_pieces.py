@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from random import Random
 
@@ -110,42 +107,29 @@ def test_a_file_that_no_soak_wrote_is_refused(tmp_path, text):
         Kept.of(path, OPTIONS)
 
 
-def command(path: Path, *more: str) -> list[str]:
-    return [
+def soak(path: Path) -> subprocess.Popen[str]:
+    command = [
         sys.executable, "-m", "tests.soak", "--virtual", "--drives", "1", "--hours", "1", "--piece", "1s",
-        "--state", str(path), *more,
+        "--state", str(path),
     ]  # fmt: skip
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, start_new_session=True)
 
 
 @pytest.mark.slow
 def test_a_killed_soak_in_virtual_time_loses_the_piece_at_work_alone_and_goes_on(tmp_path):
     path = tmp_path / "soak.json"
-    begun = subprocess.Popen(command(path), cwd=ROOT, stdout=subprocess.PIPE, text=True, start_new_session=True)
-    for line in begun.stdout:
-        if line.startswith("piece 2"):
-            break
-    kept = Kept.read(path)
-    begun.kill()
-    begun.wait()
-    assert [piece["seconds"] >= 1 for piece in kept.pieces] == [True]
-    again = subprocess.Popen(
-        command(path, "--for", "10min"), cwd=ROOT, stdout=subprocess.PIPE, text=True, start_new_session=True
-    )
-    assert again.stdout.readline().startswith("piece 2, seed 1002")
-    os.kill(again.pid, signal.SIGTERM)
-    said = again.stdout.read()
-    assert again.wait(60) == 130, said
-    assert f"in {path}" in said
-    # nothing of the piece at work is left
-    end = time.monotonic() + 10
-    while any("piece" in name.name for name in tmp_path.iterdir()) and time.monotonic() < end:
-        time.sleep(0.1)
-    assert [name.name for name in tmp_path.iterdir()] == ["soak.json"]
-    other = subprocess.run(
-        [*command(path), "--seed", "2"], cwd=ROOT, capture_output=True, text=True, check=False, timeout=60
-    )
-    assert other.returncode == 2
-    assert "--seed 1, not 2" in other.stderr
+    with soak(path) as begun:
+        while not begun.stdout.readline().startswith("piece 2"):
+            assert begun.poll() is None
+        begun.kill()
+    (kept,) = Kept.read(path).pieces
+    assert (kept["seed"], kept["code"], kept["seconds"] >= 1) == (1001, 0, True)
+    with soak(path) as again:
+        assert again.stdout.readline().startswith("piece 2, seed 1002")
+        again.terminate()
+        said = again.stdout.read()
+    assert again.returncode == 130, said
+    assert f"in 1 pieces, in {path}" in said
 
 
 # -- slopes

@@ -42,6 +42,18 @@ def test_after_minutes_of_random_faults_every_drive_is_back_and_nothing_is_left(
     } <= run.done.keys()
 
 
+@pytest.mark.slow
+def test_a_whole_cell_of_three_buses_devices_and_a_plant_is_back_behind_a_rest(monkeypatch):
+    monkeypatch.setattr(virtual, "ROUND_SECONDS", 6.0)
+    monkeypatch.setattr(virtual, "CALM_SECONDS", 3.0)
+    run = VirtualRun(options(6.0, drives=8, rate=6.0))
+    checks = run.go(tell=False)
+    assert {name for name, ok in verdict(checks).items() if ok is not True} == {"memory flat", "objects flat"}, checks
+    assert {"force", "fault"} <= run.done.keys()
+    (sample,) = run.report(checks)["samples"]
+    assert sample["process rows"] > 50
+
+
 def test_a_seed_repeats_a_run_entry_for_entry():
     first, again, other = (VirtualRun(options(15.0, seed=seed, drives=2)) for seed in (7, 7, 8))
     for run in (first, again, other):
