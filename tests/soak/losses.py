@@ -7,15 +7,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from pnfarm.buses.registry import fault_kinds
+from pnfarm.faults.effects.servo import SERVO
+from pnfarm.faults.signals import SIGNALS
 from tests.soak.judge import KEPT, Check
 
-__all__ = ["GRACE_SECONDS", "Losses"]
+__all__ = ["GRACE_SECONDS", "HARMLESS", "Losses"]
 
 #: A connection may break so long after its reason ended: a contested address is probed for up to 13 s.
 GRACE_SECONDS = 15.0
 #: Entries of one moment.
 SAME_SECONDS = 0.05
 UNEXPLAINED = "unexplained"
+#: Kinds of faults on an axis or a signal: they break no connection, and are no reason for a loss.
+HARMLESS = frozenset(kind.name for kind in fault_kinds().values() if {SERVO, SIGNALS} & set(kind.effect.needs))
 _LOST = ("connection lost", "ar aborted")
 _BACK = ("connection established", "ar established")
 #: Ends that are no losses.
@@ -56,7 +61,7 @@ class Losses:
         at, event, drive = float(entry[self.clock]), entry["event"], str(entry.get("drive", ""))
         station = drive.partition(".")[0]
         reasons = self._reasons[station]
-        if event == "fault injected":
+        if event == "fault injected" and entry["kind"] not in HARMLESS:
             reasons[entry["id"]] = Reason(entry["kind"], at)
             self._found_late(station, entry["kind"], at)
         elif event == "injected fault ended" and entry["id"] in reasons:

@@ -111,6 +111,23 @@ def _counts(counter: Counter[str]) -> list[tuple[str, str]]:
     return [(name, f"{count:,}") for name, count in counter.most_common()]
 
 
+def _actions(counter: Counter[str]) -> list[tuple[str, str, str]]:
+    """Each action, how often, and how often each status was the answer: ``fault 201`` is one of ``fault``."""
+    times: Counter[str] = Counter()
+    answers: dict[str, list[str]] = {}
+    for key, count in counter.most_common():
+        action, _, status = key.rpartition(" ")
+        if status.isdigit():
+            answers.setdefault(action, []).append(f"{status}: {count:,}")
+            times.setdefault(action, 0)
+        else:
+            times[key] += count
+    return [
+        (action, f"{count:,}" if count else "", ", ".join(answers.get(action, ())))
+        for action, count in times.most_common()
+    ]
+
+
 def page(kept: Kept) -> str:
     """The report in Markdown."""
     options, pieces, checks = kept.options, kept.pieces, verdict(kept)
@@ -167,7 +184,7 @@ def page(kept: Kept) -> str:
     lines += ["## Lost connections", "", *_table(("reason", "losses"), _counts(_summed(kept, "losses")))]
     if unexplained := [text for piece in pieces for text in piece.get("unexplained", [])]:
         lines += ["Without a reason:", "", *(f"- {text}" for text in unexplained[:20]), ""]
-    lines += ["## What was done", "", *_table(("action", "times"), _counts(_summed(kept, "actions")))]
+    lines += ["## What was done", "", *_table(("action", "times", "answers"), _actions(_summed(kept, "actions")))]
     lines += ["## Faults", "", *_table(("kind", "injected"), _counts(_summed(kept, "kinds")))]
     lines += ["## Pieces", ""]
     rows = [

@@ -31,8 +31,8 @@ def piece_of(seconds: float, leak: float = 0.0, **more):
     ]
     return {
         "seconds": seconds, "samples": samples, "checks": [{"name": "no fault left", "ok": True, "told": "none"}],
-        "actions": {"fault": 10}, "kinds": {"loss": 3}, "losses": {"loss": 2}, "returns": {"loss": [1.5, "akd-01"]},
-        **more,
+        "actions": {"fault": 10, "fault 201": 9}, "kinds": {"loss": 3}, "losses": {"loss": 2},
+        "returns": {"loss": [1.5, "akd-01"]}, **more,
     }  # fmt: skip
 
 
@@ -237,6 +237,16 @@ def test_a_loss_in_a_fault_has_its_reason_and_the_return_counts_from_the_end_of_
     }  # fmt: skip
 
 
+def test_a_fault_of_the_axis_is_no_reason_for_a_loss():
+    assert verdicts(losses_of(entry(10.0, "fault injected", id="f", kind="f702"), LOST, BACK)) == [False, True]
+
+
+def test_a_fault_that_breaks_at_once_and_is_in_the_log_behind_the_loss_is_its_reason():
+    late = entry(10.6, "fault injected", id="f", kind="ar-abort")
+    assert verdicts(losses_of(LOST, late, BACK)) == [True, True]
+    assert verdicts(losses_of(LOST, {**late, "time": 11.6}, BACK)) == [False, True]
+
+
 def test_a_loss_without_a_reason_and_one_long_after_it_are_found():
     assert verdicts(losses_of(LOST, BACK)) == [False, True]
     assert verdicts(losses_of(INJECTED, ENDED, entry(40.0, "connection lost"), entry(41.0, "ar established"))) == [
@@ -282,8 +292,8 @@ def test_the_report_has_all_numbers_of_the_kept_pieces():
     for part in (
         "**failed**", "1.00 of 1 h, in 3 pieces", "| seed | 7 |", "abc, def+", "2 cores, x86_64, Linux 6, CPython 3.11",
         "| no fault left | **FAILED** | piece 3: fault-9 |", "| farm: rss | ok | +0 MiB/h",
-        "| loss | 4.0 s | msd-01 | 2 |", "| loss | 6 |", "| fault | 30 |", "| loss | 9 |", "0.30 cores on average",
-        "had changes that were not committed",
+        "| loss | 4.0 s | msd-01 | 2 |", "| loss | 6 |", "| fault | 30 | 201: 27 |", "| loss | 9 |",
+        "0.30 cores on average", "had changes that were not committed",
     ):  # fmt: skip
         assert part in text, part
 
