@@ -48,7 +48,7 @@ def _options(arguments: list[str] | None = None) -> argparse.Namespace:
         help="what was done so far; the same command goes on with it (default: build/soak.json)",
     )  # fmt: skip
     parser.add_argument(
-        "--piece", type=_seconds, metavar="TIME", default=3600.0, help="length of one piece (default: 1h)"
+        "--piece", type=_seconds, metavar="TIME", default=7200.0, help="length of one piece (default: 2h)"
     )
     parser.add_argument(
         "--for", type=_seconds, metavar="TIME", dest="during", help="stop behind this time, such as 30min"
@@ -60,7 +60,7 @@ def _options(arguments: list[str] | None = None) -> argparse.Namespace:
         help="drives of the makers' models on PROFINET, 1 to 200 (default: 64; 8 with --virtual); from 8 on, the other"
         " buses, a drive system, devices and a plant come with them",
     )  # fmt: skip
-    parser.add_argument("--rate", type=_positive, default=1.5, help="actions a second (default: 1.5)")
+    parser.add_argument("--rate", type=_positive, default=2.0, help="actions a second (default: 2)")
     parser.add_argument("--link", choices=("veth", "macvlan"), default="veth", help="in real time (default: veth)")
     parser.add_argument("--virtual", action="store_true", help="one process, in virtual time")
     parser.add_argument(

@@ -35,7 +35,7 @@ START_SECONDS, BACK_SECONDS = 300.0, 90.0
 #: The longest that a rest waits on a machine that does not let the farm keep its cycles.
 STARVED_SECONDS = 900.0
 #: Programs are started anew in this part of a piece; what is left shows whether they grow.
-DISTURBED_SHARE = 0.4
+DISTURBED_SHARE = 0.25
 #: Between two programs that are disturbed, and between two requests to the hub, on average.
 DISTURB_SECONDS, HUB_SECONDS = 40.0, 8.0
 #: What a side may hold more of at the end: connections of HTTP and workers of a pool come and go.

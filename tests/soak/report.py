@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.soak.judge import Check
 from tests.soak.kept import Kept
-from tests.soak.slopes import BOUNDS, processes, series, slope, slope_check
+from tests.soak.slopes import BOUNDS, TOO_SHORT, WARM_SECONDS, processes, series, slope, slope_check
 
 __all__ = ["failed", "page", "slope_checks", "verdict"]
 
@@ -169,12 +169,17 @@ def page(kept: Kept) -> str:
     lines += ["## What grows", ""]
     lines += [
         (
-            "Slopes over all processes, the first ten minutes of each left out: held if the upper end of the interval"
-            " is below what is allowed, failed if its lower end is above."
+            f"Slopes over all processes, the first {WARM_SECONDS / 60:.0f} minutes of each left out: held if the upper"
+            " end of the interval is below what is allowed, failed if its lower end is above."
         ),
         "",
     ]
-    lines += _table(("program: what", "", "per hour"), [(c.name, _WORDS[c.ok], c.told) for c in slope_checks(kept)])
+    slopes = slope_checks(kept)
+    known = [check for check in slopes if check.told != TOO_SHORT]
+    if known:
+        lines += _table(("program: what", "", "per hour"), [(c.name, _WORDS[c.ok], c.told) for c in known])
+    if short := [check.name for check in slopes if check.told == TOO_SHORT]:
+        lines += [f"Too short to judge: {', '.join(short)}.", ""]
     load = _load(kept)
     lines += ["## Load", "", f"{sum(load.values()):.2f} cores on average."]
     lines += ["", *_table(("program", "cores"), [(name, f"{part:.3f}") for name, part in load.items()])]

@@ -18,15 +18,17 @@ from typing import Any
 
 from tests.soak.judge import Check
 
-__all__ = ["BOUNDS", "Slope", "processes", "series", "slope", "slope_check"]
+__all__ = ["BOUNDS", "MIB", "TOO_SHORT", "WARM_SECONDS", "Slope", "processes", "series", "slope", "slope_check"]
 
-#: Left out of each process; the time of which one mean is made.
-WARM_SECONDS, BLOCK_SECONDS = 600.0, 120.0
+#: Left out of each process: 1,024 ended faults and a hub's 16,384 entries, which are kept, have come by then; the time
+#: of which one mean is made.
+WARM_SECONDS, BLOCK_SECONDS = 2400.0, 120.0
 #: A process with fewer blocks says nothing of a slope; with fewer degrees of freedom there is no interval.
 FEWEST_BLOCKS, FEWEST_FREE = 3, 4
 #: From so many processes on, the differences between them say how far a slope can be trusted.
 FEWEST_CLUSTERS = 5
 MOST_CORRELATION = 0.9
+TOO_SHORT = "too short to judge"
 MIB = 1 << 20
 #: Most growth an hour that is not a leak, its unit, and what one unit is.  1 MiB an hour fills 1 GiB in six weeks; one
 #: more thread, file or task in half an hour, or five rows, is fewer than one in a hundred of a soak's actions.
@@ -134,10 +136,10 @@ def slope_check(name: str, what: str, found: Slope | None) -> Check:
     most, unit, one = BOUNDS[what]
     title = f"{name}: {what}"
     if found is None:
-        return Check(title, ok=None, told="too short to judge")
+        return Check(title, ok=None, told=TOO_SHORT)
     told = (
         f"{found.per_hour / one:+.3g} {unit}/h, 95 % between {found.low / one:+.3g} and {found.high / one:+.3g},"
         f" {most:g} allowed; {found.processes} processes, {found.hours:.1f} h"
     )
     ok = True if found.high <= most * one else False if found.low > most * one else None
-    return Check(title, ok=ok, told=told if ok is not None else f"{told}: too short to judge")
+    return Check(title, ok=ok, told=told if ok is not None else f"{told}: {TOO_SHORT}")

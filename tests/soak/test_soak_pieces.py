@@ -135,6 +135,11 @@ def test_a_killed_soak_in_virtual_time_loses_the_piece_at_work_alone_and_goes_on
 # -- slopes
 
 
+def slope_of(runs):
+    """Of series of an hour, whose first ten minutes are left out."""
+    return slope(runs, warm=600.0)
+
+
 def noise(rng: Random, count: int, keeps: float) -> list[float]:
     """Of deviation 1; each keeps this part of the one before."""
     found, last = [], rng.gauss(0, 1)
@@ -160,8 +165,8 @@ def runs_of(seed: int, per_hour: float, *, pieces: int = 8, keeps: float = 0.9, 
 
 
 def test_a_leak_is_found_and_a_warm_up_is_none():
-    flat = slope(runs_of(1, 0.0, warm=100.0))
-    leak = slope(runs_of(1, 5.0, warm=100.0))
+    flat = slope_of(runs_of(1, 0.0, warm=100.0))
+    leak = slope_of(runs_of(1, 5.0, warm=100.0))
     assert flat.low < 0 < flat.high
     assert leak.low < 5.0 < leak.high
     assert leak.low > 3.0
@@ -169,39 +174,39 @@ def test_a_leak_is_found_and_a_warm_up_is_none():
 
 @pytest.mark.parametrize("keeps", [0.0, 0.9, 0.97])
 def test_intervals_have_the_slope_in_them_as_often_as_they_say_also_if_samples_resemble_their_neighbours(keeps):
-    found = [slope(runs_of(seed, 2.0, keeps=keeps, pieces=6)) for seed in range(100)]
+    found = [slope_of(runs_of(seed, 2.0, keeps=keeps, pieces=6)) for seed in range(100)]
     assert sum(one.low <= 2.0 <= one.high for one in found) >= 88
     # and they are not so wide that they would have anything in them
     assert max(one.half for one in found) < 8.0
 
 
 def test_slopes_that_differ_from_process_to_process_make_the_interval_wider():
-    alike = slope([run for seed in range(6) for run in runs_of(seed, 0.0, pieces=1, keeps=0.0)])
-    different = slope([run for seed in range(6) for run in runs_of(seed, 4.0 * (seed % 2), pieces=1, keeps=0.0)])
+    alike = slope_of([run for seed in range(6) for run in runs_of(seed, 0.0, pieces=1, keeps=0.0)])
+    different = slope_of([run for seed in range(6) for run in runs_of(seed, 4.0 * (seed % 2), pieces=1, keeps=0.0)])
     assert different.half > 2 * alike.half
     assert different.low < 2.0 < different.high
 
 
 def test_too_little_is_no_slope():
-    assert slope([]) is None
-    assert slope([[(at * 10.0, 1.0) for at in range(90)]]) is None
+    assert slope_of([]) is None
+    assert slope_of([[(at * 10.0, 1.0) for at in range(90)]]) is None
 
 
 @pytest.mark.parametrize(("leak", "ok"), [(0.0, True), (0.5, True), (3.0, False)])
 def test_memory_is_judged_by_the_interval_against_a_mebibyte_an_hour(leak, ok):
     runs = [[(at, MIB * (200 + value / 10)) for at, value in run] for run in runs_of(3, 10 * leak)]
-    assert slope_check("farm", "rss", slope(runs)).ok is ok
+    assert slope_check("farm", "rss", slope_of(runs)).ok is ok
 
 
 def test_an_interval_with_the_bound_in_it_is_not_judged():
     runs = [[(at, MIB * value) for at, value in run] for run in runs_of(3, 1.0, pieces=1)]
-    check = slope_check("farm", "rss", slope(runs))
+    check = slope_check("farm", "rss", slope_of(runs))
     assert check.ok is None
     assert "too short to judge" in check.told
 
 
 def test_what_never_changes_has_no_interval():
-    found = slope([[(at * 10.0, 7.0) for at in range(360)]])
+    found = slope_of([[(at * 10.0, 7.0) for at in range(360)]])
     assert (found.per_hour, found.half) == (0.0, 0.0)
     assert slope_check("hub", "threads", found).ok is True
 
@@ -283,14 +288,17 @@ def test_a_loss_that_the_farm_owns_up_to_is_its_machines():
 def kept_of(*pieces):
     each = {"commit": "abc", "began": "2026-01-01 00:00:00", "code": 0, "machine": {
         "cores": 2, "kernel": "Linux 6", "python": "CPython 3.11", "architecture": "x86_64"}}  # fmt: skip
-    return Kept(OPTIONS, [{"number": n, "seed": 7000 + n, **each, **piece} for n, piece in enumerate(pieces, 1)])
+    return Kept(
+        OPTIONS | {"hours": 5.0},
+        [{"number": n, "seed": 7000 + n, **each, **piece} for n, piece in enumerate(pieces, 1)],
+    )
 
 
 def test_the_report_has_all_numbers_of_the_kept_pieces():
     bad = {"checks": [{"name": "no fault left", "ok": False, "told": "fault-9"}], "commit": "def+", "code": 1}
-    text = page(kept_of(piece_of(1200.0), piece_of(1200.0, returns={"loss": [4.0, "msd-01"]}), piece_of(1200.0, **bad)))
+    text = page(kept_of(piece_of(6000.0), piece_of(6000.0, returns={"loss": [4.0, "msd-01"]}), piece_of(6000.0, **bad)))
     for part in (
-        "**failed**", "1.00 of 1 h, in 3 pieces", "| seed | 7 |", "abc, def+", "2 cores, x86_64, Linux 6, CPython 3.11",
+        "**failed**", "5.00 of 5 h, in 3 pieces", "| seed | 7 |", "abc, def+", "2 cores, x86_64, Linux 6, CPython 3.11",
         "| no fault left | **FAILED** | piece 3: fault-9 |", "| farm: rss | ok | +0 MiB/h",
         "| loss | 4.0 s | msd-01 | 2 |", "| loss | 6 |", "| fault | 30 | 201: 27 |", "| loss | 9 |",
         "0.30 cores on average", "had changes that were not committed",
@@ -299,7 +307,7 @@ def test_the_report_has_all_numbers_of_the_kept_pieces():
 
 
 def test_the_verdict_finds_what_grows_over_all_pieces():
-    grown = {check.name: check.ok for check in verdict(kept_of(*[piece_of(3600.0, leak=2 * MIB)] * 3))}
+    grown = {check.name: check.ok for check in verdict(kept_of(*[piece_of(6000.0, leak=2 * MIB)] * 3))}
     assert (grown["farm: rss"], grown["no fault left"]) == (False, True)
     assert set(BOUNDS) >= {"rss", "files", "threads", "tasks", "rows"}
 
