@@ -110,7 +110,7 @@ plant:
 """
 _MORE_CONTROLLERS = """\
   ethernetip: {{ip: 10.77.1.251/23, rpi: 40ms, timeout_multiplier: 16}}
-  profibus: {{address: 1, cycle: 40ms, watchdog: 2s, latency: 150ms, retries: 3{line}}}
+  profibus: {{address: 1, cycle: 40ms, watchdog: 5s, latency: 400ms, retries: 3{line}}}
 """
 
 
