@@ -70,7 +70,9 @@ class MergedLog:
 
     def __init__(self) -> None:
         self._kept: deque[HubEntry] = deque()
-        self._waiting: list[tuple[int, int, str, int, Mapping[str, Any], int]] = []
+        self._waiting: list[tuple[int, int, str, int, int, Mapping[str, Any], int]] = []
+        #: The time behind which the next entry of each origin comes.
+        self._behind: dict[str, int] = {}
         self._order = count()
         self._sequence = 0
         #: The last number of each origin: taken, given out, and no longer kept.
@@ -83,7 +85,10 @@ class MergedLog:
         return self._taken.get(origin, 0)
 
     def take(self, origin: str, number: int, at_ns: int, data: Mapping[str, Any]) -> None:
-        """An entry of a shard's run; one that was taken before is left out."""
+        """An entry of a shard's run; one that was taken before is left out.
+
+        A run's entries stay in their own order, also where their times do not rise: a position has one number of each.
+        """
         if number <= self._taken.get(origin, 0):
             return
         known = self._taken.get(origin)
@@ -92,7 +97,8 @@ class MergedLog:
             # the shard itself does not hold them any more
             self._dropped[origin] = number - 1
         self._taken[origin] = number
-        heapq.heappush(self._waiting, (at_ns, next(self._order), origin, number, data, lost))
+        behind = self._behind[origin] = max(at_ns, self._behind.get(origin, at_ns))
+        heapq.heappush(self._waiting, (behind, next(self._order), origin, number, at_ns, data, lost))
 
     def next_deadline(self) -> int | None:
         """When :meth:`release` is due."""
@@ -101,7 +107,7 @@ class MergedLog:
     def release(self, now: int) -> None:
         """Give out what has waited long enough."""
         while self._waiting and (self._waiting[0][0] + HOLD_NS <= now or len(self._waiting) > MOST_WAITING):
-            at_ns, _, origin, number, data, lost = heapq.heappop(self._waiting)
+            _, _, origin, number, at_ns, data, lost = heapq.heappop(self._waiting)
             self._sequence += 1
             entry = HubEntry(self._sequence, origin, number, at_ns, data, lost)
             self._kept.append(entry)

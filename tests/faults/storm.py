@@ -12,6 +12,8 @@ from fault_line import FaultLine
 from kinds_of import fits
 
 from pnfarm.buses.ethernetip.device.connections import nobody
+from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
+from pnfarm.buses.profibus.device.device import ProfibusDevice
 from pnfarm.buses.profinet.device.modules import modules_view
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
@@ -173,16 +175,19 @@ def left_behind(line: FaultLine | CipLine) -> dict[str, Any]:
     look("impaired consumers", np.flatnonzero(line.farm.columns.cpm["impairment"]).tolist())
     engine = line.farm.columns.engine[0]
     look("frames held back", (int(engine.held_out), int(engine.held_in)) if engine.held_out or engine.held_in else None)
-    for session in line.plc.sessions:
-        look(f"{session.plan.name} unusable for the controller", dict(session.unusable))
+    for core in getattr(line, "controllers", (line.plc,)):
+        for session in getattr(core, "sessions", ()):
+            look(f"{session.plan.name} unusable for the controller", dict(getattr(session, "unusable", {})))
     for station, axis in zip(line.farm.axes, line.farm.columns.axis, strict=False):
         name = station.configured_name
         look(f"{name} runs", manager.of_drive(name))
         look(f"{name} axis", {key: float(AXIS.read(axis, key)) for key in _OF_FAULTS if AXIS.read(axis, key)})
         look(f"{name} without power", not station.powered)
+        device = station.device
+        if isinstance(device, ProfibusDevice):
+            continue
         look(f"{name} has another address", station.port.mac != station.station.config.mac)
-        if isinstance(line, CipLine):
-            device = station.device
+        if isinstance(device, EthernetIpDevice):
             look(f"{name} refuses", device.connections.refuse is not nobody)
             look(f"{name} is listened to", device.connections.listeners)
             look(f"{name} refuses requests", device.adapter.router.refuse is not None)

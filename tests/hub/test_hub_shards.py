@@ -167,6 +167,16 @@ def test_entries_come_in_the_order_of_time_also_if_they_arrive_otherwise():
     assert log.newest == 3
 
 
+def test_entries_of_one_run_stay_in_order_where_their_times_do_not_rise_so_that_no_position_skips_one():
+    log = MergedLog()
+    for number, at in enumerate((500, 520, 300, 530), 1):
+        log.take("a" * 8, number, at, entry())
+    log.take("b" * 8, 1, 400, entry())
+    log.release(10**12)
+    assert [(one.origin[0], one.number) for one in log.entries()] == [("b", 1), ("a", 1), ("a", 2), ("a", 3), ("a", 4)]
+    assert [one.at_ns for one in log.entries()] == [400, 500, 520, 300, 530]
+
+
 def test_a_position_goes_over_a_restart_and_tells_what_is_lost():
     log = MergedLog()
     for number in range(1, 6):

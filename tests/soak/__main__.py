@@ -1,9 +1,10 @@
-"""``python -m tests.soak``: hours of random faults over drives of all models with the built-in controller.
+"""``python -m tests.soak``: hours of random faults over a cell of drives of all models, devices and a plant.
 
-Memory is to stay flat, every drive to come back, no fault, task or table row to be left, and the event stream to be
-complete. In real time the farm and the controller are the programs that a user starts, in a network namespace of
+Nothing is to grow, every station to come back, no fault, task or table row to be left, and the event streams to be
+complete. In real time farms, controllers and a hub are the programs that a user starts, in a network namespace of
 their own; with ``--virtual`` everything is one process in virtual time, and the same seed makes the same run.
-The exit code is 0 if everything held, 1 if not, 2 for a wrong argument, 4 where the machine permits no namespace.
+The exit code is 0 if everything held, 1 if not, 2 for a wrong argument or another soak's file, 3 where the machine let
+the farm not run, 4 where it permits no namespace, 130 if it was interrupted.
 """
 
 from __future__ import annotations
@@ -12,7 +13,10 @@ import argparse
 import sys
 from pathlib import Path
 
+from pnfarm.vocabulary.durations import parse_duration
+
 ROOT = Path(__file__).resolve().parents[2]
+STATE = ROOT / "build" / "soak.json"
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "faults")]
 
 
@@ -30,20 +34,50 @@ def _drives(text: str) -> int:
     return value
 
 
-def main() -> int:
+def _seconds(text: str) -> float:
+    return parse_duration(text) / 1e9
+
+
+def _options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.soak", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument(
-        "--hours", type=_positive, default=2.0, help="how long (default: 2); of virtual time with --virtual"
+        "--hours", type=_positive, default=8.0, help="how long (default: 8); of virtual time with --virtual"
     )
+    parser.add_argument(
+        "--state", type=Path, metavar="FILE", default=STATE,
+        help="what was done so far; the same command goes on with it (default: build/soak.json)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--piece", type=_seconds, metavar="TIME", default=7200.0, help="length of one piece (default: 2h)"
+    )
+    parser.add_argument(
+        "--for", type=_seconds, metavar="TIME", dest="during", help="stop behind this time, such as 30min"
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write the page of what --state has, and end")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--drives", type=_drives, default=None, help="1 to 200 (default: 64; 8 with --virtual)")
-    parser.add_argument("--rate", type=_positive, default=1.5, help="actions a second (default: 1.5)")
+    parser.add_argument(
+        "--drives", type=_drives, default=None,
+        help="drives of the makers' models on PROFINET, 1 to 200 (default: 64; 8 with --virtual); from 8 on, the other"
+        " buses, a drive system, devices and a plant come with them",
+    )  # fmt: skip
+    parser.add_argument("--rate", type=_positive, default=2.0, help="actions a second (default: 2)")
     parser.add_argument("--link", choices=("veth", "macvlan"), default="veth", help="in real time (default: veth)")
     parser.add_argument("--virtual", action="store_true", help="one process, in virtual time")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="a report as JSON, with all samples")
-    options = parser.parse_args()
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE", help="one piece of --hours alone: its report as JSON, with all samples"
+    )
+    options = parser.parse_args(arguments)
     if options.drives is None:
         options.drives = 8 if options.virtual else 64
+    return options
+
+
+def main() -> int:
+    options = _options()
+    if options.out is None:
+        from tests.soak import pieces
+
+        return pieces.main(options)
     if options.virtual:
         from tests.soak import virtual
 

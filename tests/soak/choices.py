@@ -8,67 +8,20 @@ from random import Random
 from typing import Any
 
 from kinds_of import kinds_of
-from storm import random_fault
+from storm import random_fault, value_of
 
+from pnfarm.buses.registry import fault_kinds
 from pnfarm.drives.catalogue import model
+from pnfarm.faults.signals import SIGNALS
+from tests.soak.cell import DEVICES, PARAMETERS
 
-__all__ = ["MODELS", "PARAMETERS", "Action", "Choices", "farm_text"]
-
-#: The PROFINET models, with the cycle that they run at: slow, because the run is about hours, and not about load.
-MODELS: Mapping[str, str] = {
-    "akd-profinet": "32ms",
-    "akd-profinet-2012": "32ms",
-    "moog-msd": "32ms",
-    "hiwin-e1": "4ms",
-}
-#: Parameters that are written at random: they are used by nothing that keeps the drive from its operation.
-PARAMETERS: Mapping[str, Sequence[str]] = {
-    "akd-profinet": ("AIN.CUTOFF", "AIN.DEADBAND", "AIN.OFFSET", "AOUT.OFFSET", "BODE.IAMP", "CAP0.EDGE"),
-    "akd-profinet-2012": ("1004", "1005", "1006", "1007", "1001"),
-    "moog-msd": ("202", "326", "925"),
-    "hiwin-e1": ("925", "Pt385", "Pt533", "Pt534", "Pt537", "Pt538"),
-}
-#: One in so many drives is a HIWIN E1, whose longest cycle is 4 ms.
-_E1_SHARE = 8
-
-_FILE = """\
-farm: soak
-link: {{kind: {link}}}
-api: {api}
-drives:
-{groups}
-controller:
-  name: plc
-  ip: 10.77.1.250/23
-  cycle: 32ms
-  watchdog_factor: 16
-  program: {{kind: sine, speed_rpm: 300, period: 4s, acknowledge_after: 300ms}}
-  reconnect: {{after: 500ms}}
-"""
-
-
-def farm_text(drives: int, link: str, api: str) -> str:
-    """A farm file with so many drives of all models, as many of each as their cycles suggest."""
-    counts = dict.fromkeys(MODELS, 0)
-    counts["hiwin-e1"] = max(1, drives // _E1_SHARE) if drives > 3 else 0
-    others = [name for name in MODELS if name != "hiwin-e1"]
-    for place in range(drives - counts["hiwin-e1"]):
-        counts[others[place % len(others)]] += 1
-    lines, first = [], 11
-    for name, count in counts.items():
-        if count:
-            telegram = ", telegram: 3" if name == "hiwin-e1" else ""
-            lines.append(
-                f'  - {{name: "{name.partition("-")[0]}{"-old" if name.endswith("2012") else ""}-{{n:02}}",'
-                f" count: {count}, model: {name}, ip: 10.77.0.{first}/23, cycle: {MODELS[name]}{telegram}}}"
-            )
-            first += count
-    return _FILE.format(link=link, api=api, groups="\n".join(lines))
+__all__ = ["Action", "Choices"]
 
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """``what``: fault, invalid, clear, reset, power-cycle, write, wrong-write, trace, scenario, scrape, look.
+    """``what``: fault, signal, force, invalid, clear, reset, power-cycle, write, wrong-write, trace, scenario, scrape,
+    look, page.
 
     ``refused``: the farm must refuse it (True), accept it (False), or may do either (None).
     """
@@ -83,6 +36,9 @@ _WEIGHTS = {
     "fault": 60, "invalid": 6, "dry-run": 3, "clear": 12, "reset": 0.6, "power-cycle": 3, "write": 6, "wrong-write": 3,
     "trace": 3, "scenario": 1.0, "scrape": 4, "look": 5,
 }  # fmt: skip
+#: With devices, and with programs that can be started anew.
+_OF_DEVICES = {"signal": 5, "force": 4, "device-fault": 4}
+_OF_PAGES = {"page": 1.5}
 
 _SCENARIO = """\
 scenario: {name}
@@ -96,18 +52,27 @@ steps:
 
 
 class Choices:
-    """``drives``: name -> model.  :meth:`next` is an action, :meth:`pause` the seconds until the one behind it."""
+    """``drives``: name -> model.  :meth:`next` is an action, :meth:`pause` the seconds until the one behind it.
 
-    def __init__(self, seed: object, drives: Mapping[str, str], rate: float, *, scenarios: bool = True) -> None:
+    ``devices``: the names of those that there are; ``pages``: whether there are clients of the page.
+    """
+
+    def __init__(
+        self, seed: object, drives: Mapping[str, str], rate: float, *, devices: Sequence[str] = (), pages: bool = False
+    ) -> None:
         self._rng = Random(f"soak/{seed}")
         self._drives = dict(drives)
         self._names = list(drives)
-        self._kinds = kinds_of("profinet")
+        self._devices = [name for name in devices if name in DEVICES]
+        self._stations = list(devices)
+        self._weights = _WEIGHTS | (_OF_DEVICES if self._devices else {}) | (_OF_PAGES if pages else {})
+        self._bus = {name: model(of).bus for name, of in drives.items()}
+        self._kinds = {name: kinds_of(name) for name in sorted(set(self._bus.values()))}
+        self._signal_kinds = [kind for kind in fault_kinds().values() if SIGNALS in kind.effect.needs]
         self._faults = {
             name: sorted(fault.number for fault in model(name).faults.values()) for name in set(drives.values())
         }
         self._rate = rate
-        self._scenarios = scenarios
         self._number = 0
 
     def pause(self) -> float:
@@ -115,13 +80,19 @@ class Choices:
 
     def next(self) -> Action:
         rng = self._rng
-        what = rng.choices(list(_WEIGHTS), list(_WEIGHTS.values()))[0]
+        what = rng.choices(list(self._weights), list(self._weights.values()))[0]
         drive = rng.choice(self._names)
         match what:
             case "fault":
                 return Action(what, drive, self._fault(drive))
             case "dry-run":
                 return Action(what, drive, self._fault(drive))
+            case "signal":
+                return Action("fault", drive, self._signal_fault())
+            case "device-fault":
+                return Action("fault", drive, self._device_fault())
+            case "force":
+                return self._force()
             case "invalid":
                 return Action(what, drive, self._invalid(drive), refused=True)
             case "write":
@@ -130,23 +101,18 @@ class Choices:
                 return Action(what, drive, self._wrong_write(), refused=True)
             case "trace":
                 return Action(what, drive, self._trace(drive))
-            case "scenario" if self._scenarios:
+            case "scenario":
                 self._number += 1
                 kind = rng.choice(("f702", "silence", "drive-warning", "not-ready", "link-down", "sto"))
                 text = _SCENARIO.format(
                     name=f"soak-{self._number}", kind=kind, drive=drive, seconds=rng.uniform(0.5, 3.0)
                 )
                 return Action(what, drive, {"text": text})
-            case "scenario":
-                return Action("look", drive)
             case _:
                 return Action(what, drive)
 
-    def fraction(self) -> float:
-        return self._rng.random()
-
-    def chosen(self, names: Sequence[str]) -> str:
-        return self._rng.choice(names)
+    def drive(self) -> str:
+        return self._rng.choice(self._names)
 
     def value(self, low: float, high: float) -> int:
         """A value of a parameter from its range: often one of the ends."""
@@ -166,16 +132,17 @@ class Choices:
         if where < 0.7:
             return {"on": drive}
         if where < 0.8:
-            return {"on": sorted(rng.sample(self._names, min(len(self._names), rng.randint(2, 4))))}
+            alike = [name for name in self._names if self._bus[name] == self._bus[drive]]
+            return {"on": sorted(rng.sample(alike, min(len(alike), rng.randint(2, 4))))}
         if where < 0.9:
             return {"on": f"model:{self._drives[drive]}", "share": f"{rng.randint(1, 30)}%"}
-        if where < 0.98:
+        if where < 0.98 and len(drive) > 1:
             return {"on": f"{drive[:-1]}*", "most": rng.randint(1, 4)}
         return {"on": "all", "for": f"{rng.randint(50, 800)}ms"}
 
     def _fault(self, drive: str) -> dict[str, Any]:
         rng = self._rng
-        kind = rng.choice(self._kinds)
+        kind = rng.choice(self._kinds[self._bus[drive]])
         fields = random_fault(rng, kind, drive, self._faults[self._drives[drive]])
         whom = self._on(drive)
         if "for" in whom and "for" not in kind.takes:
@@ -194,6 +161,42 @@ class Choices:
             # a random one otherwise, and the run could not be repeated
             fields["seed"] = rng.randrange(1 << 30)
         return fields
+
+    def _signal_fault(self) -> dict[str, Any]:
+        """A fault on an input of a device."""
+        rng = self._rng
+        kind, device = rng.choice(self._signal_kinds), rng.choice(self._devices)
+        params = {
+            name: value_of(rng, kind, name, spec, [])
+            for name, spec in kind.params.items()
+            if spec.required and name != "signal"
+        }
+        params["signal"] = rng.choice(DEVICES[device])
+        if "values" in params:
+            params["values"] = "0:false 0.5:true 1s:false"
+        return {"kind": kind.name, "on": device, "params": params, "for": f"{rng.randint(50, 5000)}ms"}
+
+    def _device_fault(self) -> dict[str, Any]:
+        """A fault that any station may have."""
+        rng = self._rng
+        kind = rng.choice(("silence", "link-down", "power-cycle", "loss"))
+        fields: dict[str, Any] = {"kind": kind, "on": rng.choice(self._stations)}
+        if kind == "loss":
+            fields["probability"] = rng.uniform(0.05, 0.5)
+        if kind != "power-cycle":
+            fields["for"] = f"{rng.randint(50, 5000)}ms"
+        return fields
+
+    def _force(self) -> Action:
+        """Force an input or release it."""
+        rng = self._rng
+        device = rng.choice(self._devices)
+        values = {name: None if rng.random() < 0.6 else rng.random() < 0.5 for name in DEVICES[device]}
+        chosen = rng.sample(sorted(values), rng.randint(1, len(values)))
+        fields = {
+            name: int(values[name]) if name == "parts" and values[name] is not None else values[name] for name in chosen
+        }
+        return Action("force", device, fields)
 
     def _invalid(self, drive: str) -> Any:
         """Something that no farm may take."""

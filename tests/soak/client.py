@@ -9,9 +9,10 @@ import time
 from random import Random
 from typing import Any
 
-from tests.soak.judge import Stream
+from tests.soak.judge import HubOrder, Stream
+from tests.soak.losses import Losses
 
-__all__ = ["Answer", "Api", "EventReader"]
+__all__ = ["Answer", "Api", "EventReader", "HubReader", "PageReader"]
 
 #: A machine that does other things may take the processor away for a while.
 SECONDS = 120.0
@@ -98,49 +99,55 @@ class Api:
             self._connection = None
 
 
-class EventReader(threading.Thread):
-    """Reads ``GET events`` from the oldest entry on; hangs up now and then and resumes where it was."""
+class _Reader(threading.Thread):
+    """Reads server-sent events from ``path``; hangs up now and then and resumes where it was.
 
-    def __init__(self, port: int, seed: object, lock: threading.Lock, stream: Stream) -> None:
-        super().__init__(daemon=True, name="events")
-        self._port, self._rng, self._lock = port, Random(f"events/{seed}"), lock
-        self.stream = stream
-        self._stop = threading.Event()
+    ``alone``: whether what answers is never started anew, so that a stream that breaks is wrong.
+    """
+
+    def __init__(self, name: str, port: int, path: str, seed: object, *, alone: bool) -> None:
+        super().__init__(daemon=True, name=name)
+        self._port, self._path, self._alone = port, path, alone
+        self._rng = Random(f"{name}/{seed}")
+        self._ended = threading.Event()
+        self.last_id = ""
+        self.resumed = self.messages = 0
+        self.broken: list[str] = []
 
     def stop(self) -> None:
         """Ends at the next message, or comment."""
-        self._stop.set()
+        self._ended.set()
+
+    def message(self, kind: str, number: str, data: str) -> None:
+        """One message: its type, its id, its data."""
+        raise NotImplementedError
 
     def run(self) -> None:
-        first = True
-        while not self._stop.is_set():
-            if not first:
-                self.stream.resumed += 1
-            first = False
+        while not self._ended.is_set():
             try:
                 self._read(time.monotonic() + self._rng.uniform(30, 300))
             except (OSError, http.client.HTTPException, ValueError) as exc:
-                if self._stop.is_set():
+                if self._ended.is_set():
                     return
-                with self._lock:
-                    if len(self.stream.wrong) < 50:
-                        self.stream.wrong.append(f"the stream broke: {type(exc).__name__}: {exc}")
-                self._stop.wait(1.0)
+                if self._alone and len(self.broken) < 50:
+                    self.broken.append(f"the stream broke: {type(exc).__name__}: {exc}")
+                self._ended.wait(1.0)
+            self.resumed += 1
 
     def _read(self, until: float) -> None:
         connection = http.client.HTTPConnection("127.0.0.1", self._port, timeout=STREAM_SECONDS)
         try:
             # the header wins over `after`, which is for the first time, when there is nothing to resume
-            headers = {"Last-Event-ID": str(self.stream.last)} if self.stream.last else {}
-            connection.request("GET", "/api/v1/events?after=0", headers=headers)
+            headers = {"Last-Event-ID": self.last_id} if self.last_id else {}
+            connection.request("GET", self._path, headers=headers)
             response = connection.getresponse()
             if response.status != 200:
                 raise http.client.HTTPException(f"status {response.status}: {response.read(300)!r}")
             kind, number, data = "", "", ""
-            while not self._stop.is_set() and time.monotonic() < until:
+            while not self._ended.is_set() and time.monotonic() < until:
                 line = response.readline()
                 if not line:
-                    raise http.client.HTTPException("the farm closed it")
+                    raise http.client.HTTPException("the other end closed it")
                 field, _, value = line.decode().rstrip("\n").partition(": ")
                 if field == "event":
                     kind = value
@@ -149,8 +156,52 @@ class EventReader(threading.Thread):
                 elif field == "data":
                     data = value
                 elif not field and data:
-                    with self._lock:
-                        self.stream.message(kind, number, data)
+                    self.last_id = number or self.last_id
+                    self.messages += 1
+                    self.message(kind, number, data)
                     kind, number, data = "", "", ""
         finally:
             connection.close()
+
+
+class EventReader(_Reader):
+    """``GET events`` of a farm that is never started anew, from the oldest entry on."""
+
+    def __init__(self, port: int, seed: object, lock: threading.Lock, stream: Stream, losses: Losses) -> None:
+        super().__init__("events", port, "/api/v1/events?after=0", seed, alone=True)
+        self._lock, self.stream, self._losses = lock, stream, losses
+
+    def message(self, kind: str, number: str, data: str) -> None:
+        with self._lock:
+            self.stream.message(kind, number, data)
+            if kind != "gap":
+                self._losses.entry(json.loads(data))
+
+
+class HubReader(_Reader):
+    """``GET events`` of a hub that is started anew, as its shards are: no entry of a shard's run is missing or twice.
+
+    Entries of drives whose name begins with ``drives`` are told to ``losses``.
+    """
+
+    def __init__(self, port: int, seed: object, lock: threading.Lock, losses: Losses, drives: str) -> None:
+        super().__init__("hub events", port, "/api/v1/events?after=0", seed, alone=False)
+        self._lock, self._losses, self._drives = lock, losses, drives
+        self.order = HubOrder()
+
+    def message(self, kind: str, number: str, data: str) -> None:
+        with self._lock:
+            self.order.message(kind, number, data)
+            if kind != "gap" and str((entry := json.loads(data)).get("drive", "")).startswith(self._drives):
+                self._losses.entry(entry)
+
+
+class PageReader(_Reader):
+    """A browser with the page open on a drive or a device, until it is stopped."""
+
+    def __init__(self, port: int, number: int, query: str, *, alone: bool) -> None:
+        super().__init__(f"page {number}", port, f"/api/v1/live?{query}", number, alone=alone)
+
+    def message(self, kind: str, number: str, data: str) -> None:
+        if kind not in {"comment", "error"}:
+            json.loads(data)

@@ -6,17 +6,26 @@ import gc
 import sys
 import threading
 from asyncio import AbstractEventLoop, all_tasks
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-__all__ = ["of_controller", "of_farm", "of_process"]
+from pnfarm.buses.ethernetip.controller.core import EthernetIpCore
+from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
+from pnfarm.buses.profinet.controller.core import ProfinetCore
+from pnfarm.buses.profinet.device.device import ProfinetDevice
+
+__all__ = ["of_controllers", "of_farm", "of_hub", "of_process", "rows"]
 
 
 def of_farm(core: Any) -> dict[str, Any]:
     """Of a :class:`pnfarm.farm.core.FarmCore`."""
     columns, gate, manager = core.columns, core.link, core.injections
+    profinet = [station.device for station in core.stations if isinstance(station.device, ProfinetDevice)]
+    ethernetip = [station.device for station in core.stations if isinstance(station.device, EthernetIpDevice)]
     return {
         "faults": len(manager.list()),
         "fault runs due": manager.scheduled[0],
@@ -32,23 +41,50 @@ def of_farm(core: Any) -> dict[str, Any]:
         "consumer rows": int(columns.cpm["active"].sum()),
         "traces": len(core.traces.kept()),
         "log subscribers": len(core.log._subscribers),
-        "connections": sum(len(station.device.ars) for station in core.axes),
-        "calls": sum(len(station.device.client._calls) for station in core.axes),
-        "replies kept": sum(len(station.device.rpc._kept) for station in core.axes),
+        "connections": sum(len(device.ars) for device in profinet),
+        "streams": sum(device.adapter.encapsulation.streams for device in ethernetip),
+        "calls": sum(len(device.client._calls) for device in profinet),
+        "replies kept": sum(len(device.rpc._kept) for device in profinet),
     }
 
 
-def of_controller(core: Any) -> dict[str, Any]:
-    """Of the built-in PROFINET controller."""
+def of_controllers(controllers: Iterable[Any]) -> dict[str, Any]:
+    """Of the built-in controllers of a farm file, one for each bus."""
+    found: Counter[str] = Counter()
+    for core in controllers:
+        found["provider rows"] += int(core.columns.ppm["active"].sum())
+        found["consumer rows"] += int(core.columns.cpm["active"].sum())
+        if isinstance(core, ProfinetCore):
+            found["connections"] += len(core.life.by_ar)
+            found["calls"] += len(core.life.by_call)
+            found["searches"] += len(core._search._asked) + len(core._search._addressed)
+            found["replies kept"] += len(core.rpc._kept)
+        elif isinstance(core, EthernetIpCore):
+            found["streams"] += len(core.life.by_stream)
+    found["log subscribers"] = len(core.log._subscribers)
+    return dict(found)
+
+
+def of_hub(hub: Any) -> dict[str, Any]:
+    """Of a :class:`pnfarm.hub.hub.Hub`; how many entries its log has is bounded."""
     return {
-        "provider rows": int(core.columns.ppm["active"].sum()),
-        "consumer rows": int(core.columns.cpm["active"].sum()),
-        "connections": len(core.life.by_ar),
-        "calls": len(core.life.by_call),
-        "searches": len(core._search._asked) + len(core._search._addressed),
-        "replies kept": len(core.rpc._kept),
-        "log subscribers": len(core.log._subscribers),
+        "shards": len(list(hub.shards)),
+        "log subscribers": len(hub.log._subscribers),
+        "faults known": len(hub.specs),
+        "scenarios ending": len(hub.undoing),
     }
+
+
+#: Of what a farm, a controller or a hub holds: what is a row of a table, or stands for one.
+ROWS = (
+    "provider rows", "consumer rows", "impairment rows", "gate rules", "gate frames", "fault runs due", "connections",
+    "streams", "streams", "calls", "log subscribers", "shards",
+)  # fmt: skip
+
+
+def rows(holds: Mapping[str, Any]) -> int:
+    """The sum of all rows, for its slope."""
+    return sum(holds.get(name, 0) for name in ROWS)
 
 
 def of_process(loop: AbstractEventLoop | None) -> dict[str, Any]:

@@ -8,22 +8,19 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter, deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from statistics import fmean, median
 from typing import Any
 
+from pnfarm.hub.log import parse_position
+
 __all__ = [
-    "Check", "Growth", "LogReader", "Stream", "answered", "growth", "longest_pause", "lowest", "memory_checks",
-    "same_as_before", "shown",
+    "KEPT", "MOST_GROWTH", "Check", "HubOrder", "LogReader", "Stream", "answered", "longest_pause", "same_as_before",
+    "shown",
 ]  # fmt: skip
 
 #: Memory may grow by this share in the second half of a run.
 MOST_GROWTH = 0.01
-#: A second half that is shorter, or has fewer samples, says nothing about a leak: what was cached is not full yet.
-SHORTEST_SECONDS, FEWEST_SAMPLES = 600.0, 20
-#: The first and the last part of the second half, whose medians are compared.
-ENDS_SECONDS = 300.0
 #: Lines and findings that are kept of a log, for the report.
 KEPT = 200
 _SUSPICIOUS = re.compile(
@@ -40,82 +37,6 @@ class Check:
     name: str
     ok: bool | None
     told: str
-
-
-@dataclass(frozen=True, slots=True)
-class Growth:
-    """``fitted``: growth along the least-squares line; ``ends``: from the first to the last minutes; shares of 1."""
-
-    fitted: float
-    ends: float
-    first: float
-    last: float
-    seconds: float
-    samples: int
-
-    @property
-    def enough(self) -> bool:
-        return self.seconds >= SHORTEST_SECONDS and self.samples >= FEWEST_SAMPLES
-
-    @property
-    def flat(self) -> bool:
-        return self.fitted <= MOST_GROWTH and self.ends <= MOST_GROWTH
-
-
-def growth(points: Sequence[tuple[float, float]]) -> Growth:
-    """Of a series of (seconds, value), in the second half of its time."""
-    if not points:
-        return Growth(0.0, 0.0, 0.0, 0.0, 0.0, 0)
-    start, end = points[0][0], points[-1][0]
-    half = [point for point in points if point[0] >= start + (end - start) / 2]
-    times, values = [at for at, _ in half], [value for _, value in half]
-    seconds = times[-1] - times[0]
-    mean_time, mean_value = fmean(times), fmean(values)
-    spread = sum((at - mean_time) ** 2 for at in times)
-    slope = sum((at - mean_time) * (value - mean_value) for at, value in half) / spread if spread else 0.0
-    part = min(ENDS_SECONDS, seconds / 3)
-    first = median(value for at, value in half if at <= times[0] + part)
-    last = median(value for at, value in half if at >= times[-1] - part)
-    begun = mean_value - slope * seconds / 2
-    return Growth(
-        slope * seconds / begun if begun else 0.0,
-        last / first - 1.0 if first else 0.0,
-        first,
-        last,
-        seconds,
-        len(half),
-    )
-
-
-def lowest(points: Sequence[tuple[float, float]], seconds: float) -> list[tuple[float, float]]:
-    """The lowest point of each stretch of time: what is left of a series that rises until garbage is collected."""
-    found: dict[int, tuple[float, float]] = {}
-    for at, value in points:
-        place = int(at // seconds)
-        if place not in found or value < found[place][1]:
-            found[place] = at, value
-    return list(found.values())
-
-
-def memory_checks(samples: Sequence[Mapping[str, Any]], series: Iterable[str], *, stretch: float = 0.0) -> list[Check]:
-    """One check for each series (a key of the samples, beside ``seconds``); with ``stretch``, of the lowest in each."""
-    found = []
-    for name in series:
-        points = [(sample["seconds"], float(sample[name])) for sample in samples if sample.get(name) is not None]
-        if stretch:
-            points = lowest(points, stretch)
-        seen = growth(points)
-        told = (
-            f"{seen.fitted:+.2%} along the line, {seen.ends:+.2%} by medians ({seen.first:,.0f} to {seen.last:,.0f})"
-            f" in the last {seen.seconds / 60:.0f} min"
-        )
-        if not points:
-            found.append(Check(f"{name} flat", ok=False, told="no sample"))
-        elif not seen.enough:
-            found.append(Check(f"{name} flat", ok=None, told=f"{told}: too short to judge"))
-        else:
-            found.append(Check(f"{name} flat", ok=seen.flat, told=told))
-    return found
 
 
 @dataclass(slots=True)
@@ -197,6 +118,42 @@ class Stream:
                 else f"{self.kinds['fault injected']:,} began",
             ),
         ]
+
+
+@dataclass(slots=True)
+class HubOrder:
+    """Messages of a hub's stream: each brings one entry of one shard's run, the one behind the last of that run.
+
+    The id of a message is a position: the last number of each run (:mod:`pnfarm.hub.log`).
+    """
+
+    entries: int = 0
+    wrong: list[str] = field(default_factory=list)
+    _last: dict[str, int] = field(default_factory=dict)
+
+    def message(self, kind: str, number: str, data: str) -> None:
+        """One message: its type, its id, its data."""
+        if kind == "gap":
+            self._note(f"the hub says that entries are lost: {data}")
+            return
+        position = parse_position(number) or {}
+        moved = {run: last for run, last in position.items() if last != self._last.get(run, 0)}
+        self.entries += 1
+        ahead = [last - self._last.get(run, 0) for run, last in moved.items()]
+        if ahead != [1]:
+            self._note(f"{moved} behind { ({run: self._last.get(run, 0) for run in moved}) }: {data[:200]}")
+        self._last |= moved
+
+    def _note(self, what: str) -> None:
+        if len(self.wrong) < KEPT:
+            self.wrong.append(what)
+
+    def check(self) -> Check:
+        told = f"{self.entries:,} entries of {len(self._last)} runs"
+        return Check(
+            "event stream of the hub complete", ok=not self.wrong and self.entries > 0,
+            told="; ".join(self.wrong[:5]) or told,
+        )  # fmt: skip
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""The run in real time: a farm and a controller as processes in a network namespace, and a client that does harm."""
+"""The run in real time: farms, controllers and a hub as processes in a network namespace, and clients that do harm."""
 
 # ruff: noqa: T201 - what it prints is its answer
 
@@ -6,27 +6,27 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import signal
 import tempfile
 import threading
 import time
-from collections import Counter
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from random import Random
 from typing import Any
-from urllib.parse import quote
 
-from tests.soak.choices import Action, Choices, farm_text
-from tests.soak.client import Answer, Api, EventReader
-from tests.soak.judge import Check, Stream, answered, memory_checks, same_as_before, shown
+from tests.soak.cell import IDLE, LINE_DRIVES
+from tests.soak.choices import Choices
+from tests.soak.client import Api, EventReader, HubReader
+from tests.soak.harm import V1, Harm
+from tests.soak.holdings import rows
+from tests.soak.judge import Check, Stream, answered, same_as_before, shown
+from tests.soak.losses import Losses
+from tests.soak.programs import HUB_PORT, PORT, WAYS, Programs
 from tests.soak.side import NOTE_SECONDS, SAMPLE_SECONDS, Side, SoakError, StarvedError
 
 __all__ = ["RealRun", "main"]
 
-PORT = 8702
-V1 = "/api/v1"
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 #: Between two lines on the terminal, two rests.
 TOLD_SECONDS, REST_SECONDS = 60.0, 600.0
@@ -34,13 +34,13 @@ TOLD_SECONDS, REST_SECONDS = 60.0, 600.0
 START_SECONDS, BACK_SECONDS = 300.0, 90.0
 #: The longest that a rest waits on a machine that does not let the farm keep its cycles.
 STARVED_SECONDS = 900.0
-#: The number of blocks rises until the collection of garbage: its lowest value in so much time counts.
-BLOCKS_SECONDS = 120.0
-#: A fault without an end of its own is cleared after this time, on average; a written parameter is put back.
-HELD_SECONDS = 15.0
+#: Programs are started anew in this part of a piece; what is left shows whether they grow.
+DISTURBED_SHARE = 0.25
+#: Between two programs that are disturbed, and between two requests to the hub, on average.
+DISTURB_SECONDS, HUB_SECONDS = 40.0, 8.0
 #: What a side may hold more of at the end: connections of HTTP and workers of a pool come and go.
 SLACK = {"threads": 8, "files": 12, "garbage": 0, "replies kept": 1 << 30, "calls": 0, "searches": 0, "traces": 0,
-         "fault timers": 0}  # fmt: skip
+         "fault timers": 0, "log subscribers": 8, "faults known": 1 << 30, "streams": 0}  # fmt: skip
 #: Tasks that serve requests and streams: they come and go.
 PASSING_TASKS = (
     "RequestResponseCycle",
@@ -50,6 +50,8 @@ PASSING_TASKS = (
     "listen_for_disconnect",
     "wrap",
 )
+#: Faults of the line, through the hub; each ends by itself.
+HUB_FAULTS = ("silence", "not-ready", "f702", "link-down", "ar-abort")
 
 
 class RealRun:
@@ -57,72 +59,91 @@ class RealRun:
 
     def __init__(self, options: argparse.Namespace, folder: Path) -> None:
         self.options = options
-        self.folder = folder
-        self.api = Api(PORT)
+        self.programs = Programs(folder, options.drives, options.link)
+        self.api, self.hub = Api(PORT), Api(HUB_PORT)
         self.lock = threading.Lock()
         self.stream = Stream()
+        self.losses, self.line_losses = Losses("time"), Losses("time")
+        #: The longest time until a program that was disturbed was back: what was done, seconds, which.
+        self.returns: dict[str, tuple[float, str]] = {}
         self.samples: list[dict[str, Any]] = []
-        self.done: Counter[str] = Counter()
-        self.kinds: Counter[str] = Counter()
-        self.wrong: list[str] = []
         self.rests: list[dict[str, Any]] = []
         self.closer: list[dict[str, Any]] = []
-        self.due: list[tuple[float, str]] = []  # faults without an end: when they are cleared
-        self.before: dict[tuple[str, str], int] = {}  # parameters that were written: their values
-        self.began = time.monotonic()
-        self.farm: Side
-        self.plc: Side
-        self.reader: EventReader
         self.checks: list[Check] = []
+        self.expected = 0
+        self.devices: list[str] = []
+        self.began = time.monotonic()
+        self.rng = Random(f"programs/{options.seed}")
+        self.harm: Harm
+        self.readers: list[Any] = []
+
+    @property
+    def sides(self) -> dict[str, Side]:
+        return self.programs.sides
+
+    @property
+    def seconds(self) -> float:
+        """Since harm began."""
+        return time.monotonic() - self.began if hasattr(self, "harm") else 0.0
 
     # -- the run -----------------------------------------------------------------------------------------------------
 
     def go(self) -> list[Check]:
-        text = farm_text(self.options.drives, self.options.link, f"127.0.0.1:{PORT}")
-        file = self.folder / "soak.pnfarm.yml"
-        file.write_text(text)
         interfaces = _interfaces()
         with ExitStack() as stack:
-            self.farm = Side("farm", self.folder, "up", file)
-            stack.callback(self.farm.stop)
-            self._until("the farm is up", START_SECONDS, lambda: bool(self._ready()))
-            self.plc = Side("controller", self.folder, "plc", file, "--format", "json")
-            stack.callback(self.plc.stop)
-            self.reader = EventReader(PORT, self.options.seed, self.lock, self.stream)
-            self.reader.start()
+            stack.callback(self.programs.stop)
+            self.programs.start_farms()
+            interfaces |= {name for name in _interfaces() if name == "soak-line"}
+            self._until("the farms are up", START_SECONDS, self._ready)
+            self.programs.start_controllers()
+            self.expected = len(self._drives())
+            self.devices = [device["name"] for device in self._devices()]
+            self._read_streams()
             self._until("every drive is in operation", START_SECONDS, lambda: not self._away())
             time.sleep(5.0)
             self._settled(first=True)
-            self._harm()
+            self._do_harm()
             self._finish()
             stack.pop_all()
-        codes = [(side.name, side.stop()) for side in (self.plc, self.farm)]
+        codes = self.programs.stop()
         bad = [f"{name} {code}" for name, code in codes if code != 0]
-        self.checks.append(Check("both ended by Ctrl-C with code 0", ok=not bad, told=", ".join(bad) or "yes"))
+        self.checks.append(Check("all programs ended by Ctrl-C with code 0", ok=not bad, told=", ".join(bad) or "yes"))
         left = sorted(_interfaces() - interfaces)
         self.checks.append(Check("interfaces gone", ok=not left, told=" ".join(left[:8]) or "yes"))
-        self.checks += [side.log.check(side.name) for side in (self.farm, self.plc)]
+        self.checks += [side.log.check(name) for name, side in self.sides.items()]
         return self.checks
 
     def close(self) -> None:
         """Whatever happened, nothing stays."""
-        for name in ("reader", "plc", "farm"):
-            if hasattr(self, name):
-                getattr(self, name).stop()
+        for reader in self.readers:
+            reader.stop()
+        self.programs.stop()
         self.api.close()
+        self.hub.close()
+
+    def _read_streams(self) -> None:
+        seed = self.options.seed
+        self.readers.append(EventReader(PORT, seed, self.lock, self.stream, self.losses))
+        if self.programs.hub:
+            self.readers.append(HubReader(HUB_PORT, seed, self.lock, self.line_losses, "line-"))
+        for reader in self.readers:
+            reader.start()
 
     def _ready(self) -> bool:
         self._alive()
-        if self.farm.newest() is None:
+        if any(side.newest() is None for side in self.sides.values()):
             return False
-        return self.api("GET", f"{V1}/readyz", starting=True).done
+        ready = self.api("GET", f"{V1}/readyz", starting=True).done
+        return ready and (not self.programs.hub or self._hub_ready())
+
+    def _hub_ready(self) -> bool:
+        return self.hub("GET", f"{V1}/readyz", starting=True).done
 
     def _alive(self) -> None:
-        for name in ("farm", "plc"):
-            side = getattr(self, name, None)
-            if side is not None and side.process.poll() is not None:
+        for name, side in self.sides.items():
+            if side.process.poll() is not None:
                 last = "\n  ".join(list(side.log.last)[-20:])
-                raise SoakError(f"the {side.name} ended with code {side.process.returncode}; its last lines:\n  {last}")
+                raise SoakError(f"the {name} ended with code {side.process.returncode}; its last lines:\n  {last}")
 
     def _until(self, what: str, seconds: float, condition: Any) -> float:
         began = time.monotonic()
@@ -138,22 +159,38 @@ class RealRun:
         """Keep for the report what the drives that are away, and their controller, have to say."""
         for drive in self._away()[:5]:
             name = drive["name"]
-            lines = [line for line in self.plc.log.last if f'"{name}"' in line] if hasattr(self, "plc") else []
+            controller = self.sides.get("controller")
+            lines = [line for line in controller.log.last if f'"{name}"' in line] if controller else []
             view = self.api("GET", f"{V1}/drives/{name}")
             self.closer.append({"drive": view.json() if view.done else drive, "controller": lines[-40:]})
-        for side in (getattr(self, "farm", None), getattr(self, "plc", None)):
-            if side is not None:
-                self.closer.append({"side": side.name, "noted": side.newest(), "log": list(side.log.last)[-100:]})
+        for side in self.sides.values():
+            self.closer.append({"side": side.name, "noted": side.newest(), "log": list(side.log.last)[-100:]})
 
     def _drives(self) -> list[dict[str, Any]]:
         answer = self.api("GET", f"{V1}/drives")
         return answer.json()["drives"] if answer.done else []
 
+    def _devices(self) -> list[dict[str, Any]]:
+        answer = self.api("GET", f"{V1}/devices")
+        return answer.json()["devices"] if answer.done else []
+
     def _away(self) -> list[dict[str, Any]]:
-        """Drives that do not exchange data in operation (S4)."""
+        """Drives that do not exchange data in operation (S4), and devices that exchange none."""
         drives = self._drives()
-        away = [d for d in drives if d["state"] != "S4" or d["cycle_seconds"] is None or d["fault"] is not None]
-        return away or ([{"name": "all"}] if len(drives) != self.options.drives else [])
+        away = [d for d in drives if (d["state"] != "S4" and d["name"] not in IDLE) or _unconnected(d)]
+        away += [device for device in self._devices() if not device["connected"]]
+        if self.programs.hub:
+            away += self._away_from_line()
+        return away or ([{"name": "all"}] if len(drives) != self.expected else [])
+
+    def _away_from_line(self) -> list[dict[str, Any]]:
+        """The same of the line, as the hub tells it."""
+        answer = self.hub("GET", f"{V1}/drives")
+        if not answer.done:
+            return [{"name": "hub"}]
+        drives = [d for d in answer.json()["drives"] if d["name"].startswith("line-")]
+        away = [d for d in drives if d["state"] != "S4" or _unconnected(d)]
+        return away or ([{"name": "line"}] if len(drives) != LINE_DRIVES else [])
 
     def _described(self) -> str:
         away = self._away()
@@ -162,19 +199,23 @@ class RealRun:
             f" injected {d.get('faults_injected')} stw1 {d.get('stw1')} zsw1 {d.get('zsw1')}"
             for d in away[:6]
         ]
-        return f"{len(away)} drives are away: " + "; ".join(told)
+        return f"{len(away)} stations are away: " + "; ".join(told)
 
     # -- harm --------------------------------------------------------------------------------------------------------
 
-    def _harm(self) -> None:
+    def _do_harm(self) -> None:
         options = self.options
         models = {drive["name"]: drive["model"] for drive in self._drives()}
-        self.choices = Choices(options.seed, models, options.rate)
-        self.rng = Random(f"times/{options.seed}")
+        choices = Choices(options.seed, models, options.rate, devices=self.devices, pages=True)
+        ports = [PORT, *([HUB_PORT] if self.programs.hub else [])]
+        self.harm = Harm(self.api, choices, options.seed, self.lock, self.stream, ports)
         self.began = time.monotonic()
         end = self.began + options.hours * 3600
+        calm = self.began + DISTURBED_SHARE * options.hours * 3600
         sample = told = self.began
         rest = self.began + REST_SECONDS
+        disturb = self.began + self.rng.expovariate(1 / DISTURB_SECONDS)
+        ask = self.began
         while (now := time.monotonic()) < end:
             self._alive()
             if now >= sample:
@@ -186,147 +227,102 @@ class RealRun:
             if now >= rest:
                 self._settled()
                 rest = time.monotonic() + REST_SECONDS
-            self._clear_due(now)
-            self._act(self.choices.next())
-            time.sleep(min(self.choices.pause(), max(0.0, end - time.monotonic())))
+            if disturb <= now < calm:
+                self._disturb()
+                disturb = time.monotonic() + self.rng.expovariate(1 / DISTURB_SECONDS)
+            if self.programs.hub and now >= ask:
+                self._ask_hub()
+                ask = now + self.rng.expovariate(1 / HUB_SECONDS)
+            self.harm.close_pages(now)
+            self.harm.clear_due(now)
+            self.harm.act(choices.next())
+            time.sleep(min(choices.pause(), max(0.0, end - time.monotonic())))
 
-    def _act(self, action: Action) -> None:
-        answer: Answer | None = None
-        fields = action.fields
-        match action.what:
-            case "fault" | "invalid":
-                answer = self.api("POST", f"{V1}/faults", fields)
-                if action.what == "fault" and answer.done:
-                    self._injected(answer.json(), fields)
-            case "dry-run":
-                answer = self.api("POST", f"{V1}/faults?dry_run=true", fields)
-            case "clear":
-                if self.due:
-                    _, name = self.due.pop(self.rng.randrange(len(self.due)))
-                    self._clear(name)
-            case "reset":
-                self.due.clear()
-                answer = self.api("POST", f"{V1}/reset")
-            case "power-cycle":
-                answer = self.api("POST", f"{V1}/drives/{action.drive}/power-cycle")
-            case "write":
-                answer = self._write(action.drive, fields["pnu"])
-            case "wrong-write":
-                path = f"{V1}/drives/{action.drive}/params/{quote(fields['pnu'], safe='')}"
-                answer = self.api("PUT", path, {"value": fields["value"]})
-            case "trace":
-                answer = self._trace(fields)
-            case "scenario":
-                answer = self.api("POST", f"{V1}/scenarios", fields)
-                if answer.done and self.rng.random() < 0.2:
-                    self.api("DELETE", f"{V1}/scenarios/{answer.json()['id']}")
-            case "scrape":
-                answer = self.api("GET", "/metrics")
-                if not answer.text.startswith("#"):
-                    self._note(f"/metrics: {answer.status} {answer.text[:200]}")
-            case "look":
-                paths = (f"{V1}/drives/{action.drive}", f"{V1}/drives/{action.drive}/controller", f"{V1}/faults",
-                         f"{V1}/traces", f"{V1}/scenarios", "/")  # fmt: skip
-                answer = self.api("GET", self.rng.choice(paths))
-        self.done[action.what] += 1
-        if answer is not None:
-            self.done[f"{action.what} {answer.status}"] += 1
-            if action.refused and answer.status and not answer.refused:
-                self._note(f"{action} was not refused: {answer.status} {answer.text[:300]}")
+    def _disturb(self) -> None:
+        """Stop, kill or pause a program other than the cell's farm, and have it back."""
+        name = self.rng.choice([name for name in self.sides if name != "farm"])
+        way = self.rng.choice(WAYS)
+        what = f"{name.rstrip(' 12')}: {way}"
+        if way != "pause":
+            # a new process holds something else until it is settled
+            self.sides[name].before = None
+        with self._expected_losses(name, what):
+            code = self.programs.disturb(name, way, self.rng)
+            began = time.monotonic()
+            if code != 0:
+                self.harm.note(f"{what}: ended with code {code}")
+            self._until(f"the {name} is up", START_SECONDS, lambda: self.sides[name].newest() is not None)
+            if self.programs.hub:
+                self._until("the hub is ready", START_SECONDS, self._hub_ready)
+                self._until("the line is back", BACK_SECONDS, lambda: not self._away_from_line())
+        self.harm.done[what] += 1
+        seconds = time.monotonic() - began
+        self.returns[f"{what}, program"] = max(self.returns.get(f"{what}, program", (0.0, "")), (seconds, name))
 
-    def _injected(self, view: dict[str, Any], fields: Any) -> None:
-        self.kinds[view["kind"]] += 1
+    @contextmanager
+    def _expected_losses(self, name: str, what: str) -> Any:
+        if name == "hub":
+            yield
+            return
+        losses = self.losses if name == "controller" else self.line_losses
         with self.lock:
-            self.stream.acknowledged(view["id"])
-        if view["state"] != "ended":
-            self.due.append((time.monotonic() + self.rng.expovariate(1 / HELD_SECONDS), view["id"]))
+            outage = losses.begin(what, time.time())
+        yield
+        with self.lock:
+            outage.end = time.time()
 
-    def _clear(self, name: str) -> None:
-        """One fault; it may have ended by itself, which the farm answers with 404."""
-        answer = self.api("DELETE", f"{V1}/faults/{name}")
-        self.done[f"clear {answer.status}"] += 1
-        if answer.status not in {0, 200, 404}:
-            self._note(f"clearing {name}: {answer.status} {answer.text[:300]}")
-
-    def _clear_due(self, now: float) -> None:
-        for at, name in [entry for entry in self.due if entry[0] <= now]:
-            self.due.remove((at, name))
-            self._clear(name)
-
-    def _write(self, drive: str, pnu: str) -> Answer:
-        path = f"{V1}/drives/{drive}/params/{pnu}"
-        answer = self.api("GET", path)
-        if not answer.done:
-            return answer
-        seen = answer.json()
-        if (drive, pnu) in self.before and self.rng.random() < 0.5:
-            answer = self.api("PUT", path, {"value": self.before[drive, pnu]})
-            if answer.done:
-                del self.before[drive, pnu]
-            return answer
-        answer = self.api("PUT", path, {"value": self.choices.value(seen["minimum"], seen["maximum"])})
-        if answer.done:
-            self.before.setdefault((drive, pnu), seen["value"])
-        return answer
-
-    def _trace(self, fields: Any) -> Answer:
-        answer = self.api("POST", f"{V1}/traces", fields)
-        if answer.refused:
-            kept = self.api("GET", f"{V1}/traces").json()["traces"]
-            if len(kept) > 8:
-                for trace in kept[:4]:
-                    self.api("GET", f"{V1}/traces/{trace['id']}?format=csv")
-                    self.api("DELETE", f"{V1}/traces/{trace['id']}")
-        return answer
-
-    def _note(self, what: str) -> None:
-        if len(self.wrong) < 100:
-            self.wrong.append(what)
-            print(f"  wrong: {what}", flush=True)
+    def _ask_hub(self) -> None:
+        """Look at all farms at once, or disturb the line through the hub."""
+        rng = self.rng
+        if rng.random() < 0.5:
+            self.hub("GET", f"{V1}/{rng.choice(('drives', 'health', 'faults', 'devices', 'reactions', 'stations'))}")
+            self.harm.done["look at the hub"] += 1
+            return
+        kind = rng.choice(HUB_FAULTS)
+        fields: dict[str, Any] = {"kind": kind, "on": "line-*", "share": f"{rng.randint(10, 100)}%"}
+        fields["seed"] = rng.randrange(1 << 30)
+        if kind != "ar-abort":
+            fields["for"] = f"{rng.randint(100, 2000)}ms"
+        answer = self.hub("POST", f"{V1}/faults", fields)
+        self.harm.done[f"fault through the hub {answer.status}"] += 1
 
     # -- rests -------------------------------------------------------------------------------------------------------
 
     def _settled(self, *, first: bool = False, last: bool = False) -> None:
         """Everything is taken back; every drive is to be in operation again, and nothing of a fault left."""
         if not first:
-            self.due.clear()
-            for scenario in self.api("GET", f"{V1}/scenarios").json()["scenarios"]:
-                # one whose task died is answered by 500
-                self.api("GET", f"{V1}/scenarios/{scenario['id']}")
-                self.api("DELETE", f"{V1}/scenarios/{scenario['id']}")
-            for trace in self.api("GET", f"{V1}/traces").json()["traces"]:
-                self.api("DELETE", f"{V1}/traces/{trace['id']}")
-            self.api("POST", f"{V1}/reset")
-            for (drive, pnu), value in list(self.before.items()):
-                self._until(f"{drive} takes {pnu} back", 30.0, lambda d=drive, p=pnu, v=value: self._put_back(d, p, v))
-                del self.before[drive, pnu]
+            self.harm.take_back(self.devices)
+            if self.programs.hub:
+                self.hub("POST", f"{V1}/reset")
+            for drive, pnu in list(self.harm.before):
+                self._until(f"{drive} takes {pnu} back", 30.0, lambda d=drive, p=pnu: self.harm.put_back(d, p))
         seconds = self._back()
         faults = self.api("GET", f"{V1}/faults").json()["faults"]
         if faults:
-            self._note(f"faults are left after a reset: {faults[:3]}")
+            self.harm.note(f"faults are left after a reset: {faults[:3]}")
         held = self._held_at_rest()
-        for side in (self.farm, self.plc):
-            calm = _calm(held[side.name])
+        for name, side in self.sides.items():
+            calm = _calm(held[name])
             if side.before is None:
                 side.before = calm
                 continue
-            check = same_as_before(side.name, side.before, calm, SLACK)
+            check = same_as_before(name, side.before, calm, SLACK)
             if last:
                 self.checks.append(check)
             elif not check.ok:
-                self._note(f"at rest, the {side.name}: {check.told}")
-        self.rests.append({"seconds": time.monotonic() - self.began, "back_seconds": seconds, "held": held})
+                self.harm.note(f"at rest, the {name}: {check.told}")
+        self.rests.append({"seconds": self.seconds, "back_seconds": seconds, "held": held})
         if not first:
-            print(f"  at rest: every drive back after {seconds:.1f} s", flush=True)
+            print(f"  at rest: every station back after {seconds:.1f} s", flush=True)
 
     def _held_at_rest(self) -> dict[str, Any]:
-        """What both sides hold while every drive keeps its connection: one that is set up anew holds something else."""
+        """What all sides hold while every drive keeps its connection: one that is set up anew holds something else."""
         end = time.monotonic() + STARVED_SECONDS
         while True:
             before = {drive["name"]: drive["connects"] for drive in self._drives()}
             time.sleep(3.0)  # connections are set up to their last phase
             at = time.time()
-            held = {side.name: side.noted_after(at) for side in (self.farm, self.plc)}
+            held = {name: side.noted_after(at) for name, side in self.sides.items()}
             if not self._away() and {drive["name"]: drive["connects"] for drive in self._drives()} == before:
                 return held
             if time.monotonic() > end:
@@ -334,7 +330,7 @@ class RealRun:
             self._back()
 
     def _back(self) -> float:
-        """Wait until every drive is back; the time that it took.
+        """Wait until every station is back; the time that it took.
 
         It begins anew while the farm says that its own lateness breaks connections: the machine has no time for it.
         """
@@ -351,34 +347,41 @@ class RealRun:
                 starved = time.monotonic() > began + STARVED_SECONDS
                 if starved:
                     raise StarvedError(f"the machine has no time for the farm; {self._described()}")
-                raise SoakError(f"not within {BACK_SECONDS:g} s: every drive is back; {self._described()}")
+                raise SoakError(f"not within {BACK_SECONDS:g} s: every station is back; {self._described()}")
             time.sleep(0.25)
         return time.monotonic() - began
-
-    def _put_back(self, drive: str, pnu: str, value: int) -> bool:
-        """False while the drive is off or boots."""
-        return self.api("PUT", f"{V1}/drives/{drive}/params/{pnu}", {"value": value}).done
 
     def _finish(self) -> None:
         self._sample()
         self._settled(last=True)
         away = self._away()
         self.checks.append(
-            Check("every drive in operation", ok=not away, told=self._described() if away else f"{self.options.drives}")
+            Check("every drive in operation", ok=not away, told=self._described() if away else f"{self.expected}")
         )
         faults = self.api("GET", f"{V1}/faults").json()["faults"]
         self.checks.append(Check("no fault left", ok=not faults, told=", ".join(f["id"] for f in faults[:5]) or "none"))
-        sides = (self.farm.name, self.plc.name)
-        self.checks += memory_checks(self.samples, [f"{name} rss" for name in sides])
-        self.checks += memory_checks(self.samples, [f"{name} blocks" for name in sides], stretch=BLOCKS_SECONDS)
+        plant = self.api("GET", f"{V1}/plant").json()["models"]
+        stopped = [f"{model['name']}: {model['failure']}" for model in plant if model["failure"]]
+        self.checks.append(Check("the plant runs", ok=not stopped, told="; ".join(stopped) or f"{len(plant)} models"))
         newest = self._newest()
         self._until("the stream has caught up", 30.0, lambda: self.stream.last >= newest)
+        self._until("every station is back in the stream", 30.0, lambda: not self.losses.away)
         with self.lock:
+            self.stream.resumed = self.readers[0].resumed
+            self.stream.wrong += self.readers[0].broken
             self.checks += self.stream.checks(newest)
-        self.reader.stop()
-        told = f"{self.api.requests:,} requests, {sum(self.kinds.values()):,} faults of {len(self.kinds)} kinds"
-        pauses = [(what, self.farm.paused(since, until)) for since, until, what in self.api.timeouts]
-        self.checks += answered([*self.api.failures, *self.wrong], pauses, 2 * NOTE_SECONDS, told)
+            self.checks += self.losses.checks()
+            if self.programs.hub:
+                self.checks += [self.readers[1].order.check(), *self.line_losses.checks("of the line")]
+        for reader in self.readers:
+            reader.stop()
+        kinds = self.harm.kinds
+        requests = self.api.requests + self.hub.requests
+        told = f"{requests:,} requests, {sum(kinds.values()):,} faults of {len(kinds)} kinds"
+        pauses = [(what, self.sides["farm"].paused(since, until)) for since, until, what in self.api.timeouts]
+        pauses += [(f"hub: {what}", self.sides["hub"].paused(since, until)) for since, until, what in self.hub.timeouts]
+        wrong = [*self.api.failures, *(f"hub: {what}" for what in self.hub.failures), *self.harm.wrong]
+        self.checks += answered(wrong, pauses, 2 * NOTE_SECONDS, told)
 
     def _newest(self) -> int:
         text = self.api("GET", f"{V1}/events?follow=false&after={max(0, self.stream.last - 1)}").text
@@ -388,69 +391,82 @@ class RealRun:
     # -- samples -----------------------------------------------------------------------------------------------------
 
     def _sample(self) -> None:
-        sample: dict[str, Any] = {"seconds": time.monotonic() - self.began}
-        for side in (self.farm, self.plc):
-            noted = side.newest()
-            if noted is not None:
-                sample.update({f"{side.name} {key}": value for key, value in noted["process"].items()})
-                sample[f"{side.name} holds"] = noted["holds"]
-            sample[f"{side.name} cpu"] = _processor_seconds(side.process.pid)
+        sample: dict[str, Any] = {"seconds": self.seconds}
+        for name, side in self.sides.items():
+            sample[f"{name} cpu"] = side.processor_seconds
+            if (noted := side.newest()) is None:
+                continue
+            process = noted["process"]
+            sample[f"{name} pid"] = side.process.pid
+            sample |= {f"{name} {key}": process[key] for key in ("rss", "blocks", "threads", "files")}
+            sample[f"{name} tasks"] = sum(_lasting(process["tasks"]).values())
+            sample[f"{name} rows"] = rows(noted["holds"])
         self.samples.append(sample)
 
     def _tell(self) -> None:
-        newest = self.samples[-1]
-        first = self.samples[0]
+        newest, first = self.samples[-1], self.samples[0]
         spent = newest["seconds"] - first["seconds"]
-        cpu = [
-            (newest[f"{side.name} cpu"] - first[f"{side.name} cpu"]) / spent if spent else 0.0
-            for side in (self.farm, self.plc)
-        ]
-        sides = ", ".join(
-            f"{side.name} {newest[f'{side.name} rss'] >> 10:,} KiB {newest[f'{side.name} blocks']:,} blocks"
-            for side in (self.farm, self.plc)
-        )
+        used = sum(newest[f"{name} cpu"] - first[f"{name} cpu"] for name in self.sides)
+        sides = ", ".join(f"{name} {newest.get(f'{name} rss', 0) >> 20} MiB" for name in self.sides)
+        wrong = len(self.api.failures) + len(self.hub.failures) + len(self.harm.wrong)
         print(
-            f"{newest['seconds'] / 60:6.1f} min  {sides}, {sum(self.kinds.values())} faults,"
-            f" {newest['farm holds']['faults']} in force, {self.stream.entries:,} events,"
-            f" cpu {cpu[0]:.0%} + {cpu[1]:.0%}, {len(self.api.failures) + len(self.wrong)} wrong",
+            f"{newest['seconds'] / 60:6.1f} min  {sides}, {sum(self.harm.kinds.values())} faults,"
+            f" {self.stream.entries:,} events, {sum(self.losses.by_reason.values())} losses,"
+            f" {used / spent if spent else 0.0:.2f} cores, {wrong} wrong",
             flush=True,
         )
 
     def report(self) -> dict[str, Any]:
+        """What a piece is kept as."""
+        harm = getattr(self, "harm", None)
+        losses, line = self.losses.report(), self.line_losses.report()
         return {
             "options": vars(self.options),
+            "seconds": self.samples[-1]["seconds"] if self.samples else 0.0,
             "checks": [{"name": c.name, "ok": c.ok, "told": c.told} for c in self.checks],
-            "actions": dict(self.done.most_common()),
-            "kinds": dict(self.kinds.most_common()),
+            "actions": dict(harm.done.most_common()) if harm else {},
+            "kinds": dict(harm.kinds.most_common()) if harm else {},
             "events": dict(self.stream.kinds.most_common()),
-            "wrong": self.wrong,
-            "failures": self.api.failures[:100],
+            "wrong": harm.wrong if harm else [],
+            "failures": self.api.failures[:100] + self.hub.failures[:100],
+            "losses": {**losses["losses"], **{f"line: {why}": count for why, count in line["losses"].items()}},
+            "unexplained": losses["unexplained"] + line["unexplained"],
+            "returns": {
+                **self.returns,
+                **losses["returns"],
+                **{f"line: {why}": value for why, value in line["returns"].items()},
+            },
             "rests": self.rests,
             "closer": self.closer,
             "samples": self.samples,
             "logs": {
-                side.name: {"levels": dict(side.log.levels), "suspicious": side.log.suspicious}
-                for side in (getattr(self, "farm", None), getattr(self, "plc", None))
-                if side is not None
+                name: {"levels": dict(side.log.levels), "suspicious": side.log.suspicious}
+                for name, side in self.sides.items()
             },
         }
+
+
+def _unconnected(drive: dict[str, Any]) -> bool:
+    return drive["cycle_seconds"] is None or drive["fault"] is not None
+
+
+def _lasting(tasks: dict[str, int]) -> dict[str, int]:
+    return {name: count for name, count in tasks.items() if not any(word in name for word in PASSING_TASKS)}
 
 
 def _calm(noted: dict[str, Any]) -> dict[str, Any]:
     """What is to be the same whenever the farm is quiet."""
     process = noted["process"]
-    tasks = {name: count for name, count in process["tasks"].items() if not any(word in name for word in PASSING_TASKS)}
-    return {**noted["holds"], "tasks": tasks, **{key: process[key] for key in ("threads", "files", "garbage")}}
+    return {
+        **noted["holds"],
+        "tasks": _lasting(process["tasks"]),
+        **{key: process[key] for key in ("threads", "files", "garbage")},
+    }
 
 
 def _interfaces() -> set[str]:
     lines = Path("/proc/self/net/dev").read_text("ascii").split("\n")[2:]
     return {line.partition(":")[0].strip() for line in lines if line}
-
-
-def _processor_seconds(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _interrupt(number: int, frame: object) -> None:
@@ -483,7 +499,6 @@ def main(options: argparse.Namespace) -> int:
             code = 130
         finally:
             run.close()
-            if options.out is not None:
-                options.out.write_text(json.dumps(run.report(), indent=1, default=str) + "\n")
+            options.out.write_text(json.dumps(run.report(), indent=1, default=str) + "\n")
         print(f"\n{shown(run.checks)}", flush=True)
     return code

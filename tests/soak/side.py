@@ -31,21 +31,43 @@ class StarvedError(SoakError):
 
 
 class Side:
-    """One of the two programs: its process, its log, what it holds."""
+    """One of the programs: its process, its log, what it holds."""
 
     def __init__(self, name: str, folder: Path, *arguments: str | Path) -> None:
         self.name = name
-        self.notes = folder / f"{name}.jsonl"
+        self.notes = folder / f"{name.replace(' ', '-')}.jsonl"
         self.log = LogReader()
         self.before: dict[str, Any] | None = None
+        self._arguments = list(map(str, arguments))
+        self._spent = 0.0
+        self.start()
+
+    def start(self) -> None:
+        """A new process; what it notes replaces what the one before noted."""
+        self.notes.unlink(missing_ok=True)
         command = [sys.executable, "-m", "tests.soak.watched", str(self.notes), str(NOTE_SECONDS)]
         self.process = subprocess.Popen(
-            [*command, "--log-format", "json", *map(str, arguments)],
+            [*command, "--log-format", "json", *self._arguments],
             cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace",
             start_new_session=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
         )  # fmt: skip
         self._reader = threading.Thread(target=self._read, args=(self.process.stderr,), daemon=True)
         self._reader.start()
+
+    @property
+    def processor_seconds(self) -> float:
+        """Of all its processes so far."""
+        if self.process.poll() is not None:
+            return self._spent
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text("ascii").rpartition(")")[2].split()
+        return self._spent + (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def kill(self) -> int:
+        self._spent = self.processor_seconds
+        self.process.kill()
+        self.process.wait()
+        self._reader.join(5.0)
+        return self.process.returncode
 
     def _read(self, lines: IO[str]) -> None:
         for line in lines:
@@ -81,6 +103,8 @@ class Side:
 
     def stop(self) -> int | None:
         if self.process.poll() is None:
+            self._spent = self.processor_seconds
+            self.process.send_signal(signal.SIGCONT)
             self.process.send_signal(signal.SIGINT)
             try:
                 self.process.wait(STOP_SECONDS)

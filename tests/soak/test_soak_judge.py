@@ -4,79 +4,20 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from random import Random
 
 import pytest
 
 from tests.soak.judge import (
     Check,
+    HubOrder,
     LogReader,
     Stream,
     answered,
-    growth,
     longest_pause,
-    lowest,
-    memory_checks,
     same_as_before,
     shown,
 )
 from tests.soak.virtual import Rest, grown
-
-MIB = 1 << 20
-HOURS = 2 * 3600
-SAMPLES = range(0, HOURS + 1, 10)
-
-
-def samples(value):
-    rng = Random(1)
-    return [{"seconds": float(at), "rss": value(at) * (1 + rng.uniform(-0.002, 0.002))} for at in SAMPLES]
-
-
-def verdict(value):
-    (check,) = memory_checks(samples(value), ["rss"])
-    return check.ok
-
-
-def test_memory_that_grew_in_the_first_hour_only_is_flat():
-    assert verdict(lambda at: 200 * MIB + 80 * MIB * min(1.0, at / 3000))
-
-
-@pytest.mark.parametrize("share", [0.02, 0.05])
-def test_memory_that_grows_steadily_is_found(share):
-    check = verdict(lambda at: 200 * MIB * (1 + share * at / (HOURS / 2)))
-    assert check is False
-
-
-def test_memory_that_jumps_in_the_last_minutes_is_found():
-    assert verdict(lambda at: 200 * MIB * (1.03 if at > HOURS - 400 else 1.0)) is False
-
-
-def test_a_growth_below_one_percent_is_flat():
-    assert verdict(lambda at: 200 * MIB * (1 + 0.005 * at / (HOURS / 2))) is True
-
-
-def test_a_second_half_of_five_minutes_is_not_judged_and_a_series_without_samples_fails():
-    short = [{"seconds": float(at), "rss": 1.0 * at} for at in range(0, 600, 10)]
-    (check,) = memory_checks(short, ["rss"])
-    assert check.ok is None
-    assert "too short to judge" in check.told
-    (check,) = memory_checks(short, ["blocks"])
-    assert check.ok is False
-
-
-def test_the_growth_is_that_of_the_second_half():
-    seen = growth([(float(at), 100.0 if at <= 50 else 100.0 + (at - 50) * 0.2) for at in range(101)])
-    assert seen.fitted == pytest.approx(0.10, abs=0.01)
-    assert (seen.seconds, seen.samples) == (50.0, 51)
-
-
-def test_of_a_saw_tooth_the_lowest_points_count():
-    tooth = [(float(at), 100.0 + at % 60) for at in range(0, 600, 10)]
-    assert lowest(tooth, 120.0) == [(float(at), 100.0) for at in range(0, 600, 120)]
-    rising = [{"seconds": at, "blocks": value + at * 0.01} for at, value in tooth]
-    (check,) = memory_checks([{**one, "seconds": one["seconds"] * 12} for one in rising], ["blocks"], stretch=120.0)
-    assert check.ok is False
-
 
 # -- the event stream
 
@@ -139,6 +80,45 @@ def test_a_fault_that_never_ended_is_found():
 
 def test_a_fault_that_began_twice_is_found():
     assert stream_of(entry(1, "fault injected", id="a"), entry(2, "fault injected", id="a"))[0] is False
+
+
+# -- the hub's stream: the position in each message's id, a few runs of shards
+
+A, B, C = "0000000a", "0000000b", "0000000c"
+
+
+def hub_order(*positions):
+    order = HubOrder()
+    for position in positions:
+        order.message("", position, "{}")
+    return order.check().ok
+
+
+def test_a_hubs_stream_has_each_entry_of_each_run_once_also_those_of_a_new_run():
+    assert hub_order(f"{A}-1", f"{A}-1.{B}-1", f"{A}-2.{B}-1", f"{A}-2.{B}-1.{C}-1") is True
+
+
+@pytest.mark.parametrize(
+    "positions",
+    [
+        (f"{A}-1", f"{A}-3"),
+        (f"{A}-1", f"{A}-2", f"{A}-1"),
+        (f"{A}-1", f"{A}-1"),
+        (f"{A}-1", f"{A}-2.{B}-1"),
+        (f"{A}-1", ""),
+        (),
+    ],
+    ids=["hole", "back", "twice", "two at once", "no position", "empty"],
+)
+def test_a_hubs_stream_that_lost_or_repeated_something_is_found(positions):
+    assert hub_order(*positions) is False
+
+
+def test_a_hub_that_says_that_entries_are_lost_is_believed():
+    order = HubOrder()
+    order.message("", f"{A}-1", "{}")
+    order.message("gap", "", '{"lost": 3}')
+    assert order.check().ok is False
 
 
 # -- requests

@@ -17,14 +17,15 @@ SECONDS = 300.0
 
 @pytest.fixture
 def soak(tmp_path):
-    """Starts a run of 8 drives; its report is in ``report.json``."""
+    """Starts a run; its report is in ``report.json``."""
     started = []
 
-    def start(seconds: float) -> subprocess.Popen[str]:
+    def start(seconds: float, drives: int) -> subprocess.Popen[str]:
         report = tmp_path / "report.json"
-        command = [sys.executable, "-m", "tests.soak", "--hours", str(seconds / 3600), "--drives", "8", "--rate", "5"]
+        hours = ["--hours", str(seconds / 3600), "--drives", str(drives), "--rate", "5"]
         process = subprocess.Popen(
-            [*command, "--out", str(report)], cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            [sys.executable, "-m", "tests.soak", *hours, "--out", str(report)],
+            cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             env={**os.environ, "TMPDIR": str(tmp_path)},
         )  # fmt: skip
         started.append(process)
@@ -56,16 +57,13 @@ def of_run(tmp_path) -> list[str]:
 
 @pytest.mark.slow
 def test_seconds_of_random_faults_over_real_programs_end_with_a_verdict(soak, tmp_path):
-    process = soak(5.0)
+    process = soak(5.0, 8)
     said, _ = process.communicate(timeout=SECONDS)
     skip_without_namespace(process, said)
     assert process.returncode == 0, said
     report = json.loads((tmp_path / "report.json").read_text())
     verdicts = {check["name"]: check["ok"] for check in report["checks"]}
-    # memory is not judged in so short a time
-    assert {name for name, ok in verdicts.items() if ok is None} == {
-        "farm rss flat", "controller rss flat", "farm blocks flat", "controller blocks flat"
-    }  # fmt: skip
+    assert set(verdicts.values()) == {True}
     for name in ("every drive in operation", "no fault left", "event stream complete", "interfaces gone"):
         assert verdicts[name] is True
         assert name in said
@@ -75,7 +73,7 @@ def test_seconds_of_random_faults_over_real_programs_end_with_a_verdict(soak, tm
 
 @pytest.mark.slow
 def test_ctrl_c_ends_a_run_and_its_programs(soak, tmp_path):
-    process = soak(600.0)
+    process = soak(600.0, 4)
     said = ""
     for line in process.stdout:
         said += line

@@ -28,6 +28,7 @@ def test_after_minutes_of_random_faults_every_drive_is_back_and_nothing_is_left(
     assert {check.ok for check in checks} == {True}, virtual.shown(checks)
     assert {"memory flat", "objects flat", "event stream complete"} <= verdict(checks).keys()
     assert len(run.kinds) > 40
+    assert run.losses.by_reason
     assert {
         "fault",
         "invalid",
@@ -39,6 +40,18 @@ def test_after_minutes_of_random_faults_every_drive_is_back_and_nothing_is_left(
         "scenario",
         "scrape",
     } <= run.done.keys()
+
+
+@pytest.mark.slow
+def test_a_whole_cell_of_three_buses_devices_and_a_plant_is_back_behind_a_rest(monkeypatch):
+    monkeypatch.setattr(virtual, "ROUND_SECONDS", 6.0)
+    monkeypatch.setattr(virtual, "CALM_SECONDS", 3.0)
+    run = VirtualRun(options(6.0, drives=8, rate=6.0))
+    checks = run.go(tell=False)
+    assert {name for name, ok in verdict(checks).items() if ok is not True} == {"memory flat", "objects flat"}, checks
+    assert {"force", "fault"} <= run.done.keys()
+    (sample,) = run.report(checks)["samples"]
+    assert sample["process rows"] > 50
 
 
 def test_a_seed_repeats_a_run_entry_for_entry():

@@ -12,6 +12,8 @@ import argparse
 import asyncio
 import gc
 import json
+import os
+import signal
 import sys
 import time
 import tracemalloc
@@ -23,7 +25,7 @@ from functools import cache, partial
 from random import Random
 from typing import Any
 
-from storm import kept, left_behind
+from storm import left_behind
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.controller import line as controller_line
@@ -37,9 +39,11 @@ from pnfarm.scenario.definition.binding import bind_scenario
 from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.scenario.run import ScenarioRun
 from pnfarm.station.event_log import EventLog
-from tests.soak.choices import Action, Choices, farm_text
-from tests.soak.holdings import of_controller, of_farm
+from tests.soak.cell import DEVICES, IDLE, cell_text
+from tests.soak.choices import Action, Choices
+from tests.soak.holdings import of_controllers, of_farm, rows
 from tests.soak.judge import MOST_GROWTH, Check, Stream, same_as_before, shown
+from tests.soak.losses import Losses
 
 __all__ = ["Rest", "VirtualRun", "grown", "main"]
 
@@ -77,12 +81,16 @@ class Rest:
     traced: bool
     numbers: array[int]
     holds: dict[str, Any]
+    #: Of the interpreter.
+    blocks: int = 0
 
     @classmethod
     def of(cls, seconds: float, memory: int, *, traced: bool, objects: Counter[str], holds: dict[str, Any]) -> Rest:
         for name in objects:
             _PLACES.setdefault(name, len(_PLACES))
-        return cls(seconds, memory, traced, array("l", (objects[name] for name in _PLACES)), holds)
+        return cls(
+            seconds, memory, traced, array("l", (objects[name] for name in _PLACES)), holds, sys.getallocatedblocks()
+        )
 
     @property
     def objects(self) -> Counter[str]:
@@ -138,9 +146,11 @@ class _Line:
 
     def __init__(self, drives: int) -> None:
         self.log, self.plc_log = EventLog(quiet=True), EventLog(quiet=True)
-        config = parse_farm(farm_text(drives, "memory", "off"))
+        config = parse_farm(cell_text(drives, "memory", "off"))
         made = asyncio.run(controller_line.VirtualLine.create(config, log=self.log, plc_log=self.plc_log))
         self.world, self.farm, self.plc = made.world, made.farm, made.plc
+        self.controllers = made.controllers
+        assert self.controllers is not None
         self.faults = self.farm.injections
 
     def forget(self) -> None:
@@ -159,16 +169,30 @@ class _Line:
     def names(self) -> dict[str, str]:
         return {station.configured_name: station.model.name for station in self.farm.axes}
 
+    @property
+    def devices(self) -> list[str]:
+        return [station.configured_name for station in self.farm.stations if not station.axes]
+
     def away(self) -> list[str]:
-        """Drives that are not in operation or exchange no data."""
-        return [
-            name
-            for name in self.names
-            if int(self.farm.axis(name).handle.axis.drive.state) != 4
-            or self.farm.axis(name).handle.axis.faults.code[0]
-            or not self.farm.axis(name).device.connected
-            or not self.plc.exchanging(name)
+        """Drives that are not in operation or exchange no data, and devices that exchange none."""
+        return [name for name in self.names if self._is_away(name)] + [
+            station.configured_name
+            for station in self.farm.stations
+            if not station.axes and not (station.device.connected and self._exchanging(station.configured_name))
         ]
+
+    def _exchanging(self, name: str) -> bool:
+        return bool(self.controllers.of(name).exchanging(name))
+
+    def _is_away(self, name: str) -> bool:
+        axis = self.farm.axis(name)
+        record = axis.handle.axis
+        return bool(
+            (int(record.drive.state) != 4 and name not in IDLE)
+            or record.faults.code[0]
+            or not axis.device.connected
+            or not self._exchanging(name)
+        )
 
 
 class VirtualRun:
@@ -178,7 +202,8 @@ class VirtualRun:
         self.options = options
         self.line = _Line(options.drives)
         self.stream = Stream()
-        self.choices = Choices(options.seed, self.line.names, options.rate)
+        self.losses = Losses("farm_seconds")
+        self.choices = Choices(options.seed, self.line.names, options.rate, devices=self.line.devices)
         self.rng = Random(f"times/{options.seed}")
         self.collector = FarmCollector(self.line.farm)
         self.done: Counter[str] = Counter()
@@ -223,8 +248,32 @@ class VirtualRun:
         told = f"{sum(self.kinds.values()):,} faults of {len(self.kinds)} kinds; digest {self.digest:08x}"
         return [
             *self.stream.checks(self.line.log.newest),
+            *self.losses.checks(),
             Check("each request answered as it should", ok=not self.wrong, told="; ".join(self.wrong[:5]) or told),
         ]
+
+    def report(self, checks: list[Check]) -> dict[str, Any]:
+        """As that of a run in real time."""
+        return {
+            "options": vars(self.options),
+            "seconds": self.seconds,
+            "checks": [{"name": check.name, "ok": check.ok, "told": check.told} for check in checks],
+            "actions": dict(self.done.most_common()),
+            "kinds": dict(self.kinds.most_common()),
+            "events": dict(self.stream.kinds.most_common()),
+            "wrong": self.wrong,
+            **self.losses.report(),
+            "samples": [
+                {
+                    "seconds": rest.seconds,
+                    "process pid": os.getpid(),
+                    "process blocks": rest.blocks,
+                    "process objects": sum(rest.objects.values()),
+                    "process rows": sum(map(rows, rest.holds.values())),
+                }
+                for rest in self.rests
+            ],
+        }
 
     # -- time --------------------------------------------------------------------------------------------------------
 
@@ -259,6 +308,7 @@ class VirtualRun:
                 shown_as = entry.as_dict()
                 text = json.dumps(shown_as, default=str)
                 self.stream.message("", str(entry.sequence), text)
+                self.losses.entry(shown_as)
                 del shown_as["time"]
                 self.digest = zlib.crc32(json.dumps(shown_as, default=str).encode(), self.digest)
 
@@ -297,6 +347,10 @@ class VirtualRun:
             case "reset":
                 self.due.clear()
                 line.faults.clear(None, now)
+            case "force":
+                owner, signals = farm.with_signals(action.drive)
+                signals.force(fields)
+                farm.settle_owner(owner, now)
             case "power-cycle":
                 station = farm.axis(action.drive)
                 station.station.power_cycle(now)
@@ -318,7 +372,7 @@ class VirtualRun:
                 json.dumps(drive_snapshot(farm, station, now))
                 json.dumps(controller_view(farm, station, now))
                 json.dumps([injection.as_dict() for injection in line.faults.list()])
-                json.dumps([engine_snapshot(farm), line.plc.snapshot()])
+                json.dumps([engine_snapshot(farm), line.controllers.snapshot()])
 
     def _clear(self, name: str) -> None:
         try:
@@ -365,7 +419,7 @@ class VirtualRun:
         return not self.line.away()
 
     def _holds(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        return of_farm(self.line.farm), of_controller(self.line.plc)
+        return of_farm(self.line.farm), of_controllers(self.line.controllers)
 
     def _rest(self) -> list[Check]:
         """Take everything back; then every drive is back and nothing is left."""
@@ -377,6 +431,8 @@ class VirtualRun:
         for trace in line.farm.traces.kept():
             line.farm.traces.delete(trace.id, line.world.now)
         line.faults.clear(None, line.world.now)
+        for name in DEVICES.keys() & set(line.devices):
+            line.farm.with_signals(name)[1].force(dict.fromkeys(DEVICES[name]))
         self._bring_back(BACK_SECONDS)
         for (drive, pnu), value in self.before.items():
             station = line.farm.axis(drive)
@@ -398,36 +454,25 @@ class VirtualRun:
         gc.collect()
         traced = tracemalloc.is_tracing()
         memory = tracemalloc.get_traced_memory()[0] if traced else sys.getallocatedblocks()
-        self.rests.append(Rest.of(self.seconds, memory, traced=traced, objects=_objects(), holds=kept(line)))
+        held = {**dict(zip(("farm", "controllers"), self._holds(), strict=True))}
+        self.rests.append(Rest.of(self.seconds, memory, traced=traced, objects=_objects(), holds=held))
         return checks
 
 
 def main(options: argparse.Namespace) -> int:
-    """0: everything held; 1: something did not."""
+    """0: everything held; 1: something did not; 130: a signal ended it."""
     began = time.process_time()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     tracemalloc.start()
+    run = VirtualRun(options)
+    interrupted = False
     try:
-        run = VirtualRun(options)
-        try:
-            checks = run.go()
-        except KeyboardInterrupt:
-            print("interrupted", file=sys.stderr)
-            return 130
+        checks = run.go()
+    except KeyboardInterrupt:
+        checks, interrupted = [Check("the run", ok=None, told="interrupted")], True
     finally:
         tracemalloc.stop()
     print(f"\n{shown(checks)}")
     print(f"{run.seconds:.0f} s of virtual time in {time.process_time() - began:.0f} s of the processor's")
-    if options.out is not None:
-        report = {
-            "options": vars(options),
-            "checks": [{"name": check.name, "ok": check.ok, "told": check.told} for check in checks],
-            "actions": dict(run.done.most_common()),
-            "kinds": dict(run.kinds.most_common()),
-            "events": dict(run.stream.kinds.most_common()),
-            "wrong": run.wrong,
-            "rests": [
-                {"seconds": r.seconds, "octets": r.memory, "objects": dict(r.objects), **r.holds} for r in run.rests
-            ],
-        }
-        options.out.write_text(json.dumps(report, indent=1, default=str) + "\n")
-    return 0 if all(check.ok is not False for check in checks) else 1
+    options.out.write_text(json.dumps(run.report(checks), indent=1, default=str) + "\n")
+    return 130 if interrupted else int(any(check.ok is False for check in checks))

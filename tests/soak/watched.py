@@ -15,24 +15,35 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tests.soak.holdings import of_controller, of_farm, of_process
+from tests.soak.holdings import of_controllers, of_farm, of_hub, of_process
 
 _PR_SET_PDEATHSIG = 1
 #: Objects of the program, noted when it makes them.
 _made: dict[str, Any] = {}
 
 
-def _note_cores() -> None:
+def _note_cores(command: str) -> None:
+    """Have the farm, the controllers or the hub that this command makes noted."""
+    if command == "hub":
+        from pnfarm.hub import tasks
+
+        run_hub = tasks.run_hub
+
+        async def running(hub: Any, *arguments: Any, **options: Any) -> None:
+            _made.update(count=lambda: of_hub(hub), loop=asyncio.get_running_loop())
+            await run_hub(hub, *arguments, **options)
+
+        tasks.run_hub = running
+        return
     from pnfarm.controller.runtime import Plc
     from pnfarm.farm.farm import Farm
 
-    for kind in (Farm, Plc):
+    for kind, count in ((Farm, lambda farm: of_farm(farm.core)), (Plc, lambda plc: of_controllers(plc.controllers))):
         opened = kind.open
 
-        async def opening(self: Any, opened: Any = opened) -> None:
+        async def opening(self: Any, opened: Any = opened, count: Any = count) -> None:
             await opened(self)
-            _made.update(core=self.core, count=of_farm if isinstance(self, Farm) else of_controller)
-            _made["loop"] = asyncio.get_running_loop()
+            _made.update(count=lambda: count(self), loop=asyncio.get_running_loop())
 
         kind.open = opening
 
@@ -45,7 +56,7 @@ def _write(file: Path, seconds: float) -> None:
             if loop is None:
                 continue
             try:
-                held = _made["count"](_made["core"])
+                held = _made["count"]()
                 line = {"at": time.time(), "process": of_process(loop), "holds": held}
             except RuntimeError:
                 # a container changed while it was counted: the next time will do
@@ -57,7 +68,7 @@ def main() -> None:
     file, seconds, *arguments = sys.argv[1:]
     # the run may be killed, and nothing of it is to stay
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    _note_cores()
+    _note_cores(arguments[2])
     threading.Thread(target=_write, args=(Path(file), float(seconds)), daemon=True).start()
     sys.argv = ["pnfarm", *arguments]
     from pnfarm.cli.main import run

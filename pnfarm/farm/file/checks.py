@@ -222,12 +222,21 @@ def _check_devices(at: Location, group: DeviceGroup, report: Report) -> None:
 
 
 def _check_device_links(sections: FarmSections, places: Sequence[int], report: Report) -> None:
-    kind = "" if sections.link is None else sections.link.kind
     for number, group in zip(places, sections.devices, strict=True):
-        bus = bus_of_devices(group)
-        if kind not in bus.link_kinds:
-            what = f"{shown(group.name)} is on {bus.title}, which a link of the kind {kind} does not carry"
-            report(("devices", number), what, "link: {kind: ...}, " + ", ".join(sorted(bus.link_kinds)))
+        _check_carried(sections.link, bus_of_devices(group), ("devices", number), group.name, report)
+
+
+def _check_carried(link: Link | None, bus: Bus, at: Location, what: str, report: Report) -> None:
+    """Whether the link, or a line of it, carries what is on this bus."""
+    kind = "" if link is None else link.kind
+    if kind in bus.link_kinds or (line_of(bus) and bus.name in getattr(link, "lines", {})):
+        return
+    if line_of(bus):
+        told = f"{shown(what)} is on {bus.title}, and the link has no line for it"
+        report(at, told, f"lines: {{{bus.name}: {{pty: auto}}}} in `link`, or kind: serial")
+    else:
+        told = f"{shown(what)} is on {bus.title}, which a link of the kind {kind} does not carry"
+        report(at, told, "link: {kind: ...}, " + ", ".join(sorted(bus.link_kinds)))
 
 
 def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Report) -> None:
@@ -278,21 +287,12 @@ def _check_links(link: Link, groups: Sequence[PlacedGroup[DriveGroup]], report: 
             report(("link", "lines", name), f"{shown(name)} is not a bus with a serial line", ", ".join(known))
             continue
         _check_baud(("link", "lines", name), lines[name].rate, BUSES[name], report)
-    kind = link.kind
     if isinstance(link, MemoryLink | SerialLink):
         on_line = next((bus for placed in groups if line_of(bus := bus_of(placed.group))), None)
         if on_line is not None:
             _check_baud(("link",), link.rate if isinstance(link, SerialLink) else link.baud, on_line, report)
     for placed in groups:
-        bus = bus_of(placed.group)
-        if line_of(bus) and bus.name in lines:
-            continue
-        if line_of(bus) and kind not in bus.link_kinds:
-            what = f"{shown(placed.group.model)} is on {bus.title}, and the link has no line for it"
-            report((*placed.at, "model"), what, f"lines: {{{bus.name}: {{pty: auto}}}} in `link`, or kind: serial")
-        elif kind not in bus.link_kinds:
-            what = f"{shown(placed.group.model)} is on {bus.title}, which a link of the kind {kind} does not carry"
-            report((*placed.at, "model"), what, "link: {kind: ...}, " + ", ".join(sorted(bus.link_kinds)))
+        _check_carried(link, bus_of(placed.group), (*placed.at, "model"), placed.group.model, report)
 
 
 def _check_baud(at: Location, baud: int, bus: Bus, report: Report) -> None:

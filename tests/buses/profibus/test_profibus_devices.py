@@ -50,6 +50,15 @@ def test_a_farm_of_devices_alone_has_its_serial_line():
     assert [*line_ways(config)] == ["profibus"]
 
 
+def test_devices_on_a_line_beside_a_network_need_the_line_and_no_drive_on_it():
+    network = "{name: axis, model: akd-profinet, ip: 10.77.0.11/24}"
+    text = f"farm: both\nlink: {{kind: veth%s}}\ndrives: [{network}]\n{TWO}"
+    config = parse(text % ", lines: {profibus: {pty: auto}}")
+    assert [*line_ways(config)] == ["profibus"]
+    with pytest.raises(FarmFileError, match=r"'island' is on PROFIBUS, and the link has no line for it"):
+        parse(text % "")
+
+
 def test_set_prm_has_the_files_octets_with_the_farm_files_parameters_and_they_are_shown(shared):
     # DP-V1 enabled, Diagnosis off, delay 100; filter 3; hold; the counter's word
     wanted = "80 00 00 00 00 64 03 01 00 00 00 01"

@@ -1,0 +1,145 @@
+"""Lost connections, each with its reason, and how long each station was away: from the entries of an event log."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pnfarm.buses.registry import fault_kinds
+from pnfarm.faults.effects.servo import SERVO
+from pnfarm.faults.signals import SIGNALS
+from tests.soak.judge import KEPT, Check
+
+__all__ = ["GRACE_SECONDS", "HARMLESS", "Losses"]
+
+#: A connection may break so long after its reason ended: a contested address is probed for up to 13 s.
+GRACE_SECONDS = 15.0
+#: Entries of one moment.
+SAME_SECONDS = 0.05
+UNEXPLAINED = "unexplained"
+#: Kinds of faults on an axis or a signal: they break no connection, and are no reason for a loss.
+HARMLESS = frozenset(kind.name for kind in fault_kinds().values() if {SERVO, SIGNALS} & set(kind.effect.needs))
+_LOST = ("connection lost", "ar aborted")
+_BACK = ("connection established", "ar established")
+#: Ends that are no losses.
+_RELEASED = ("connection released", "ar released")
+#: A station without power, or that boots, by the entries that it leaves.
+_POWER = ("power off", "power on")
+
+
+@dataclass(slots=True)
+class Reason:
+    """Something that may break a connection, from ``begin`` to ``end`` (inf: it goes on)."""
+
+    what: str
+    begin: float
+    end: float = float("inf")
+
+
+@dataclass(slots=True)
+class Losses:
+    """``clock``: the key of an entry's time, in seconds."""
+
+    clock: str
+    by_reason: Counter[str] = field(default_factory=Counter)
+    longest: dict[str, tuple[float, str]] = field(default_factory=dict)
+    #: Stations without a connection: since when, and why.
+    away: dict[str, tuple[float, str]] = field(default_factory=dict)
+    _reasons: defaultdict[str, dict[str, Reason]] = field(default_factory=lambda: defaultdict(dict))
+    _without: list[tuple[str, float, str]] = field(default_factory=list)
+    _numbers: int = 0
+
+    def begin(self, what: str, at: float) -> Reason:
+        """Something that may break every connection begins; whoever did it sets its end."""
+        self._numbers += 1
+        return self._reasons[""].setdefault(f"outage {self._numbers}", Reason(what, at))
+
+    def entry(self, entry: Mapping[str, Any]) -> None:
+        """One entry of the log, in order."""
+        at, event, drive = float(entry[self.clock]), entry["event"], str(entry.get("drive", ""))
+        station = drive.partition(".")[0]
+        reasons = self._reasons[station]
+        if event == "fault injected" and entry["kind"] not in HARMLESS:
+            reasons[entry["id"]] = Reason(entry["kind"], at)
+            self._found_late(station, entry["kind"], at)
+        elif event == "injected fault ended" and entry["id"] in reasons:
+            reasons[entry["id"]].end = at
+        elif event in _POWER:
+            reasons[event] = Reason("power cycle", at, at)
+        elif event in _LOST:
+            self._lost(station, entry, at)
+        elif event in _RELEASED:
+            self.away.setdefault(station, (at, self._why(station, entry, at) or "released"))
+        elif event in _BACK:
+            self._back(station, at)
+        self._forget(reasons, at)
+
+    def _forget(self, reasons: dict[str, Reason], at: float) -> None:
+        for name in [name for name, reason in reasons.items() if reason.end < at - 4 * GRACE_SECONDS]:
+            del reasons[name]
+
+    def _why(self, station: str, entry: Mapping[str, Any], at: float) -> str:
+        """What began last of what is in force, or else of what was a moment ago; "" if there is nothing."""
+        if entry.get("cause") == "farm":
+            return "the farm was late"
+        found = [
+            reason
+            for place in (station, "")
+            for reason in self._reasons[place].values()
+            if reason.begin <= at <= reason.end + GRACE_SECONDS
+        ]
+        return max(found, key=lambda reason: (reason.end >= at, reason.begin)).what if found else ""
+
+    def _lost(self, station: str, entry: Mapping[str, Any], at: float) -> None:
+        why = self._why(station, entry, at) or UNEXPLAINED
+        if why == UNEXPLAINED:
+            told = {key: value for key, value in entry.items() if not key.endswith("_seconds") or key == self.clock}
+            self._without.append((station, at, f"{station} at {at:.3f}: {told}"))
+        self.by_reason[why] += 1
+        self.away.setdefault(station, (at, why))
+
+    def _found_late(self, station: str, what: str, at: float) -> None:
+        """A fault that breaks a connection at once is in the log behind what it broke."""
+        for one in [one for one in self._without if one[0] == station and one[1] >= at - SAME_SECONDS]:
+            self._without.remove(one)
+            self.by_reason[UNEXPLAINED] -= 1
+            self.by_reason[what] += 1
+            if station in self.away:
+                self.away[station] = self.away[station][0], what
+
+    @property
+    def unexplained(self) -> list[str]:
+        return [told for _, _, told in self._without]
+
+    def _back(self, station: str, at: float) -> None:
+        if station not in self.away:
+            return
+        lost, why = self.away.pop(station)
+        ends = [reason.end for place in (station, "") for reason in self._reasons[place].values() if reason.end <= at]
+        seconds = at - max([lost, *ends])
+        if seconds > self.longest.get(why, (-1.0, ""))[0]:
+            self.longest[why] = seconds, station
+
+    def checks(self, whose: str = "") -> list[Check]:
+        """At the end, when every station is to be back."""
+        whose = f" {whose}" if whose else ""
+        told = f"{sum(self.by_reason.values()):,} losses, {len(+self.by_reason)} reasons"
+        slowest = max(self.longest.items(), key=lambda item: item[1][0], default=None)
+        back = "none was lost" if slowest is None else f"the longest {slowest[1][0]:.1f} s, after {slowest[0]}"
+        return [
+            Check(
+                f"each lost connection{whose} has a reason",
+                ok=not self.unexplained,
+                told="; ".join(self.unexplained[:3]) or told,
+            ),
+            Check(f"each station{whose} is back", ok=not self.away, told=f"away: {self.away}" if self.away else back),
+        ]
+
+    def report(self) -> dict[str, Any]:
+        return {
+            "losses": {why: count for why, count in self.by_reason.most_common() if count},
+            "unexplained": self.unexplained[:KEPT],
+            "returns": {why: [seconds, station] for why, (seconds, station) in sorted(self.longest.items())},
+        }
