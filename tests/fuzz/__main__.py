@@ -23,7 +23,7 @@ from random import Random
 from typing import NoReturn
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tests" / name) for name in ("support", "faults", "protocols/enip")]
+sys.path[:0] = [str(ROOT / "tests" / name) for name in ("support", "faults", "protocols/enip", "interop")]
 
 from tests.fuzz import campaign, differential, guided, running, storms  # noqa: E402
 from tests.fuzz.corpus import gather  # noqa: E402
@@ -206,6 +206,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--list", action="store_true", help="name the targets and stop")
     parser.add_argument("--guided", action="store_true", help="guided by coverage; needs atheris")
     parser.add_argument("--against", choices=differential.PEERS, help="compare with another implementation, by layer")
+    parser.add_argument("--opener", metavar="PATH", help="with --against opener: its program")
     parser.add_argument("--state", help="with --guided: go on with the campaign of this file, until stopped")
     parser.add_argument("--table", action="store_true", help="what the campaign of --state did so far, and stop")
     farm = parser.add_argument_group("a running farm", "A hostile station beside a farm and its controller at work.")

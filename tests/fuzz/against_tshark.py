@@ -149,7 +149,7 @@ LAYERS = {
 #: Wireshark's names of what is judged: what is wrong in a layer above, or behind the end, is not.
 JUDGED = {
     "ethernet": ("Ethernet",), "arp": ("ARP",), "ipv4": ("IPv4",), "udp": ("UDP",), "icmp": ("ICMP",),
-    "lldp": ("LLDP",), "dcp": ("PN-DCP",), "rta": ("PNIO",), "rpc": ("DCERPC",), "call": ("DCERPC", "PNIO"),
+    "lldp": ("LLDP",), "dcp": ("PN-DCP",), "rta": ("PNIO",), "rpc": (), "call": ("DCERPC", "PNIO"),
     "snmp": ("SNMP",), "enip": (),
 }  # fmt: skip
 #: Layers in which an expert's remark is a refusal, too.

@@ -16,6 +16,7 @@ import time
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 from random import Random
@@ -25,9 +26,9 @@ from tests.fuzz.layers import LAYERS, Answer, Layer, ours
 from tests.fuzz.machines_enip import enip_layers
 from tests.fuzz.mutate import mutated
 
-__all__ = ["PEERS", "differences", "known", "main"]
+__all__ = ["PEERS", "Groups", "differences", "known", "main"]
 
-PEERS = ("scapy", "tshark")
+PEERS = ("scapy", "tshark", "opener")
 KNOWN = Path(__file__).with_name("known_differences.toml")
 #: No input of a frame is longer.
 LONGEST = 1500
@@ -55,14 +56,40 @@ def differences(mine: Answer, theirs: Answer) -> Iterator[str]:
     if isinstance(theirs, str):
         yield f"they refuse ({theirs})"
         return
-    for field, value in mine.items():
-        other = theirs.get(field)
+    for name, value in mine.items():
+        other = theirs.get(name)
         if value is not None and other is not None and value != other:
-            yield f"{field} {'absent' if other == 'absent' else 'differs'}"
+            yield f"{name} {'absent' if other == 'absent' else 'differs'}"
+
+
+@dataclass
+class Groups:
+    """Differences by group: how many, and the shortest input of each with both answers."""
+
+    found: dict[str, tuple[int, bytes, object, object]] = field(default_factory=dict)
+
+    def add(self, group: str, data: bytes, mine: object, theirs: object) -> None:
+        count, *shortest = self.found.get(group, (0, data, mine, theirs))
+        self.found[group] = (count + 1, *min(shortest, (data, mine, theirs), key=lambda one: len(one[0])))
+
+    def report(self, reasons: Mapping[str, str]) -> int:
+        """Print them all, those without a reason with an example; 1 if there is such a one."""
+        new = 0
+        for group, (count, shortest, mine, theirs) in sorted(self.found.items()):
+            reason = next((text for pattern, text in reasons.items() if fnmatchcase(group, pattern)), None)
+            print(f"{count:>8}  {group}: {reason or 'NEW'}")
+            if reason is None:
+                new += 1
+                print(f"          input:  {shortest.hex()}\n          ours:   {mine}\n          theirs: {theirs}")
+        count = sum(count for count, *_ in self.found.values())
+        print(f"{count} differences in {len(self.found)} groups, {new} of them new")
+        return int(new > 0)
 
 
 def main(options: argparse.Namespace) -> int:
-    """1 where a difference is not known, 2 for a layer that is none, 4 where the peer is not installed."""
+    """1 where a difference is not known, 2 for a wrong argument, 4 where the peer is not installed."""
+    if options.against == "opener":
+        return _opener(options)
     try:
         peer = importlib.import_module(f"tests.fuzz.against_{options.against}")
         told = peer.version()
@@ -73,11 +100,10 @@ def main(options: argparse.Namespace) -> int:
     if not names:
         print(f"no layer is named {options.target!r}; there are {', '.join(peer.LAYERS)}", file=sys.stderr)
         return 2
-    reasons = known(options.against)
     layers = {**gather().layers, **enip_layers()}
     print(f"{told}; seed {options.seed}")
     print(f"{'layer':10} {'inputs':>8} {'read alike':>10} {'both refuse':>11} {'differ':>8} {'inputs a second':>15}")
-    groups: dict[str, tuple[int, bytes, Answer, Answer]] = {}
+    groups = Groups()
     for name in names:
         began = time.monotonic()
         layer = LAYERS[name]
@@ -88,20 +114,34 @@ def main(options: argparse.Namespace) -> int:
             kinds = list(differences(mine, theirs))
             tally["differ" if kinds else "refused" if isinstance(mine, str) else "read"] += 1
             for kind in kinds:
-                count, shortest, *rest = groups.get(f"{name}: {kind}", (0, data, mine, theirs))
-                if len(data) < len(shortest):
-                    shortest, rest = data, [mine, theirs]
-                groups[f"{name}: {kind}"] = (count + 1, shortest, *rest)
+                groups.add(f"{name}: {kind}", data, mine, theirs)
         rate = len(given) / (time.monotonic() - began)
         print(
             f"{name:10} {len(given):>8} {tally['read']:>10} {tally['refused']:>11} {tally['differ']:>8} {rate:>15,.0f}"
         )
-    new = 0
-    for group, (count, shortest, mine, theirs) in sorted(groups.items()):
-        reason = next((text for pattern, text in reasons.items() if fnmatchcase(group, pattern)), None)
-        print(f"{count:>8}  {group}: {reason or 'NEW'}")
-        if reason is None:
-            new += 1
-            print(f"          input: {shortest.hex()}\n          ours:   {mine}\n          theirs: {theirs}")
-    print(f"{sum(count for count, *_ in groups.values())} differences in {len(groups)} groups, {new} of them new")
-    return int(new > 0)
+    return groups.report(known(options.against))
+
+
+def _opener(options: argparse.Namespace) -> int:
+    """Sequences of messages, for a built program of OpENer."""
+    from tests.fuzz.against_opener import OpenerRig, Ours, compared
+    from tests.fuzz.enip_sequences import sequence
+
+    if options.opener is None or not Path(options.opener).is_file():
+        print("tests.fuzz: --against opener needs --opener PATH, its built program", file=sys.stderr)
+        return 2
+    groups, mine, messages, alike = Groups(), Ours(), 0, 0
+    began = time.monotonic()
+    with OpenerRig(Path(options.opener)) as theirs:
+        for number in range(options.count):
+            sent = sequence(options.seed, number)
+            for one, our_class, their_class in compared(sent, mine.answers(sent), theirs.answers(sent)):
+                messages += 1
+                alike += our_class == their_class
+                if our_class != their_class:
+                    groups.add(
+                        f"{one.what}: ours {our_class}; theirs {their_class}", one.octets, our_class, their_class
+                    )
+    rate = messages / (time.monotonic() - began)
+    print(f"{options.count} sequences, {messages} messages, {rate:,.0f} a second; {alike} answered alike")
+    return groups.report(known("opener"))
