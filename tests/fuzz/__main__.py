@@ -205,7 +205,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--turn", type=int, help="this turn of each target alone, to repeat a failure")
     parser.add_argument("--list", action="store_true", help="name the targets and stop")
     parser.add_argument("--guided", action="store_true", help="guided by coverage; needs atheris")
-    parser.add_argument("--against", choices=differential.PEERS, help="compare with another implementation, by layer")
+    against = "compare with another implementation, by layer; may be given more than once"
+    parser.add_argument("--against", choices=differential.PEERS, action="append", help=against)
     parser.add_argument("--opener", metavar="PATH", help="with --against opener: its program")
     parser.add_argument("--state", help="with --guided: go on with the campaign of this file, until stopped")
     parser.add_argument("--table", action="store_true", help="what the campaign of --state did so far, and stop")

@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from functools import cache
 from pathlib import Path
 from random import Random
 
@@ -87,27 +88,34 @@ class Groups:
 
 
 def main(options: argparse.Namespace) -> int:
-    """1 where a difference is not known, 2 for a wrong argument, 4 where the peer is not installed."""
-    if options.against == "opener":
-        return _opener(options)
+    """The worst of all peers: 1 where a difference is not known, 2 for a wrong argument, 4 for a missing peer."""
+    return max(_opener(options) if name == "opener" else _layers(options, name) for name in options.against)
+
+
+@cache
+def _corpus() -> Mapping[str, Sequence[bytes]]:
+    return {**gather().layers, **enip_layers()}
+
+
+def _layers(options: argparse.Namespace, against: str) -> int:
+    """Octets for parsers."""
     try:
-        peer = importlib.import_module(f"tests.fuzz.against_{options.against}")
+        peer = importlib.import_module(f"tests.fuzz.against_{against}")
         told = peer.version()
     except (ImportError, FileNotFoundError) as exc:
-        print(f"tests.fuzz: --against {options.against}: {exc}", file=sys.stderr)
+        print(f"tests.fuzz: --against {against}: {exc}", file=sys.stderr)
         return 4
     names = [name for name in LAYERS if name in peer.LAYERS and fnmatchcase(name, options.target)]
     if not names:
         print(f"no layer is named {options.target!r}; there are {', '.join(peer.LAYERS)}", file=sys.stderr)
         return 2
-    layers = {**gather().layers, **enip_layers()}
     print(f"{told}; seed {options.seed}")
     print(f"{'layer':10} {'inputs':>8} {'read alike':>10} {'both refuse':>11} {'differ':>8} {'inputs a second':>15}")
     groups = Groups()
     for name in names:
         began = time.monotonic()
         layer = LAYERS[name]
-        given = inputs(layer, layers, options.seed, max(1, options.count // len(names)))
+        given = inputs(layer, _corpus(), options.seed, max(1, options.count // len(names)))
         tally: Counter[str] = Counter()
         for data, theirs in zip(given, peer.answers(name, given), strict=True):
             mine = ours(layer, data)
@@ -119,7 +127,7 @@ def main(options: argparse.Namespace) -> int:
         print(
             f"{name:10} {len(given):>8} {tally['read']:>10} {tally['refused']:>11} {tally['differ']:>8} {rate:>15,.0f}"
         )
-    return groups.report(known(options.against))
+    return groups.report(known(against))
 
 
 def _opener(options: argparse.Namespace) -> int:

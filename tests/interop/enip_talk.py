@@ -1,8 +1,8 @@
 """``python enip_talk.py ADDRESS``: sequences of EtherNet/IP messages from standard input, and the answers to each.
 
 A line is a JSON list of ``[octets, live]``: hexadecimal digits, and whether the session's handle goes in place of
-theirs.  Each sequence has a TCP connection and a session of its own.  Behind each message goes a ListServices of a known
-context: when its answer comes, no other will.  The answer is a list of octets, ``silence``, ``closed`` and ``no end``.
+theirs.  Each sequence has a TCP connection and a session of its own.  Behind each message goes a ListServices, known by
+its context: when its answer comes, no other will.  The answer is a list of octets, ``silence``, ``closed``, ``no end``.
 """
 
 # ruff: noqa: T201 - what it prints is its answer
