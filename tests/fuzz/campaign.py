@@ -6,6 +6,7 @@ import json
 from collections.abc import Collection, Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from zlib import crc32
 
 __all__ = ["HEADER", "State", "Turn", "table"]
 
@@ -58,10 +59,11 @@ class State:
         return state
 
     def total(self, name: str) -> Total:
-        return self.totals.setdefault(name, Total())
+        """Nothing yet of a target that had no turn."""
+        return self.totals.get(name, Total())
 
     def add(self, name: str, turn: Turn) -> None:
-        total = self.total(name)
+        total = self.totals.setdefault(name, Total())
         total.inputs += turn.inputs
         total.seconds += turn.seconds
         total.turns += 1
@@ -83,9 +85,13 @@ class State:
             return
         number = 0
         while True:
-            by_time = number % 2
-            yield min(names, key=lambda name: (self.total(name).seconds if by_time else self.total(name).inputs, name))
+            by_time = number % 2 == 1
+            # of those with the same, one from anywhere in the alphabet
+            yield min(names, key=lambda name: (self._had(name, by_time=by_time), crc32(name.encode())))
             number += 1
+
+    def _had(self, name: str, *, by_time: bool) -> float:
+        return self.total(name).seconds if by_time else self.total(name).inputs
 
     def row(self, name: str) -> str:
         one = self.total(name)
@@ -111,4 +117,4 @@ def table(state: State) -> str:
         return f"| {name} | {len(totals)} | {inputs:,} | {rate:,.0f} | {' | '.join(f'{one:,}' for one in sums)} |"
 
     lines += [line(f"`{name}`", groups[name]) for name in sorted(groups)]
-    return "\n".join([*lines, line("all", list(state.totals.values()))])
+    return "\n".join([*lines, line("all", [total for totals in groups.values() for total in totals])])

@@ -55,8 +55,8 @@ INSTRUMENTED = (
 MOST_KEPT, LONGEST, ALL_KEPT = 40, 2048, 2500
 #: The longest input to begin with and to try, octets, unless all that there are to begin with are longer.
 LONGEST_TRIED = 16384
-#: Seconds of one input, megabytes of a process.
-INPUT_SECONDS, MEGABYTES = 5, 2048
+#: Seconds of one input on a machine that may be busy, megabytes of a process.
+INPUT_SECONDS, MEGABYTES = 25, 2048
 _FOUND = re.compile(r"cov: (\d+) ft: (\d+)")
 _DONE = re.compile(r"^Done (\d+) runs in (\d+) second", re.MULTILINE)
 _UNITS = re.compile(r"number_of_executed_units: (\d+)")
@@ -126,10 +126,11 @@ def _forked(target: Target, arguments: list[str], told: Path) -> int:
             rng = Random(seed)
             return (target.vary(rng, [data]) if rng.random() < 0.5 else bytes(atheris.Mutate(data, len(data))))[:size]
 
+        feed = target.starter()
+        if target.pool:
+            feed(target.pool[0])  # what is imported with the first input is not that input's time
         # what the target raises is the finding
-        atheris.Setup(
-            ["fuzz", *arguments], target.starter(), **({} if target.vary is None else {"custom_mutator": mutate})
-        )
+        atheris.Setup(["fuzz", *arguments], feed, **({} if target.vary is None else {"custom_mutator": mutate}))
         atheris.Fuzz()
     finally:
         os._exit(70)
