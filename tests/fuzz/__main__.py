@@ -23,9 +23,9 @@ from random import Random
 from typing import NoReturn
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tests" / name) for name in ("support", "faults", "protocols/enip")]
+sys.path[:0] = [str(ROOT / "tests" / name) for name in ("support", "faults", "protocols/enip", "interop")]
 
-from tests.fuzz import guided, running, storms  # noqa: E402
+from tests.fuzz import campaign, differential, guided, running, storms  # noqa: E402
 from tests.fuzz.corpus import gather  # noqa: E402
 from tests.fuzz.machines import MACHINES  # noqa: E402
 from tests.fuzz.machines_enip import ENIP, enip_layers  # noqa: E402
@@ -204,7 +204,12 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--target", default="*", help="glob over the targets' names")
     parser.add_argument("--turn", type=int, help="this turn of each target alone, to repeat a failure")
     parser.add_argument("--list", action="store_true", help="name the targets and stop")
-    parser.add_argument("--guided", action="store_true", help="parsers alone, guided by coverage; needs atheris")
+    parser.add_argument("--guided", action="store_true", help="guided by coverage; needs atheris")
+    against = "compare with another implementation, by layer; may be given more than once"
+    parser.add_argument("--against", choices=differential.PEERS, action="append", help=against)
+    parser.add_argument("--opener", metavar="PATH", help="with --against opener: its program")
+    parser.add_argument("--state", help="with --guided: go on with the campaign of this file, until stopped")
+    parser.add_argument("--table", action="store_true", help="what the campaign of --state did so far, and stop")
     farm = parser.add_argument_group("a running farm", "A hostile station beside a farm and its controller at work.")
     farm.add_argument("--running", action="store_true", help="this, instead of parsers and machines one by one")
     farm.add_argument("--storms", action="store_true", help="storms of random faults instead, each with a reset")
@@ -220,6 +225,11 @@ def arguments() -> argparse.Namespace:
 
 def main() -> int:
     options = arguments()
+    if options.against:
+        return differential.main(options)
+    if options.table:
+        print(campaign.table(campaign.State.read(Path(options.state))))
+        return 0
     if options.guided:
         return guided.main(options)
     if options.running:

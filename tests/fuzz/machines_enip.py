@@ -118,7 +118,7 @@ class TargetMachine:
     def prepared_input(self, rng: Random) -> bytes:
         self._made += 1
         if self._made % 20 == 0:
-            self._pass_time(rng)
+            self.revive(rng)
         if self._made % 3 == 0:
             # what was cut leaves a stream that waits for the rest
             self.bench.drive.closed(1, self.bench.now)
@@ -136,7 +136,7 @@ class TargetMachine:
             request = mutated(rng, request, self.layers["enip-request"])
         return emit_encapsulation(_unconnected(self.session, request[:60_000]))
 
-    def _pass_time(self, rng: Random) -> None:
+    def revive(self, rng: Random) -> None:
         manager = self.bench.drive.manager
         for number in list(manager.connections):
             self.bench.drive.data_received(number, self.bench.now)
@@ -185,6 +185,9 @@ class OriginatorMachine:
         good = pdu.command == Command.REGISTER_SESSION or rng.random() < 0.2
         pdu = replace(pdu, session=1) if good else replace(pdu, command=0x6F, data=packet, context=number)
         return emit_encapsulation(pdu)
+
+    def revive(self, rng: Random) -> None:
+        """Time passes with each input."""
 
     def feed(self, rng: Random, data: bytes) -> str:
         one = self.originator

@@ -88,16 +88,6 @@ def test_what_guided_fuzzing_kept_is_read_or_refused(monkeypatch):
             targets[name].feed(octets)
 
 
-def test_the_shortest_new_inputs_are_kept_up_to_a_bound(monkeypatch, tmp_path):
-    monkeypatch.syspath_prepend(str(ROOT))
-    from tests.fuzz import guided
-
-    monkeypatch.setattr(guided, "KEPT", tmp_path)
-    assert guided._keep("toy", [b"bb", b"a", b"x" * (guided.LONGEST + 1)]) == 2
-    assert guided._keep("toy", [b"a", *(bytes([200 - i]) * 3 for i in range(100))]) == guided.MOST_KEPT
-    assert guided.kept_inputs("toy")[:3] == [b"a", b"bb", bytes([101]) * 3]
-
-
 def test_guided_fuzzing_says_what_it_needs(monkeypatch, capsys):
     monkeypatch.syspath_prepend(str(ROOT))
     from tests.fuzz import guided

@@ -7,7 +7,8 @@ attributes.  Services of the Connection Manager depend on who asks; :class:`Orig
 error                                          general status
 =============================================  ==========================================================
 the path is longer than the message            0x26 path size invalid
-a segment that cannot be read, no class        0x04 path segment error
+a segment that cannot be read, no class, a     0x04 path segment error
+connection point of any class but Assembly
 no such class                                  0x16 object does not exist (manual 004, 6.1.4: class)
 no such instance                               0x05 path destination unknown
 no attribute, no service, value, read-only     the object's: 0x14, 0x08, 0x09, 0x0E (manual 004, 6.1.4)
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 __all__ = ["MESSAGE_ROUTER", "MessageRouter", "ObjectPath", "Origin", "OriginServices", "object_path"]
 
 MESSAGE_ROUTER: Final = 0x02
+_ASSEMBLY: Final = 0x04
 #: Octets of a reply without extended status and data.
 _REPLY_HEADER: Final = 4
 
@@ -84,6 +86,9 @@ def object_path(path: bytes) -> ObjectPath:
         numbers[segment.kind] = segment.value
     if Logical.CLASS not in numbers:
         raise DecodeError("bad-segment", "no class")
+    # an assembly's connection point is its instance; other classes' are no objects
+    if Logical.CONNECTION_POINT in numbers and numbers[Logical.CLASS] != _ASSEMBLY:
+        raise DecodeError("bad-segment", "a connection point of a class without any")
     instance = numbers.get(Logical.INSTANCE, numbers.get(Logical.CONNECTION_POINT, 0))
     return ObjectPath(numbers[Logical.CLASS], instance, numbers.get(Logical.ATTRIBUTE))
 

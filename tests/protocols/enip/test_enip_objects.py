@@ -62,6 +62,13 @@ def test_a_path_longer_than_the_message_and_one_that_cannot_be_read_are_told(ben
     assert bench.unconnected(session, b"\x0e\x01\xff\x01")[0].status == 0x04
 
 
+def test_a_connection_point_is_an_instance_of_assemblies_alone(bench):
+    session = bench.register()
+    assembly, identity = (bytes.fromhex(text) for text in ("0e03 2004 2c66 3003", "0e03 2001 2c01 3001"))
+    assert bench.unconnected(session, assembly)[0].data == bytes(range(64))
+    assert bench.unconnected(session, identity)[0].status == 0x04
+
+
 def test_the_identity_is_read_as_a_whole_and_as_a_list(ask):
     whole = ask(0x01, logical_path(1, 1)).data
     assert whole == bytes.fromhex("c401 2b00 0700 010d 0000 eeffc000 03") + b"AKD"
