@@ -14,7 +14,6 @@ from typing import Any
 from pnfarm.api.access.audit_check import check_audit
 from pnfarm.api.access.authority import make_certificate
 from pnfarm.vocabulary.trust import client_context
-from tests.soak.choices import farm_text
 from tests.soak.side import Side, SoakError
 from tests.strangers.attacks import tokens_of
 
@@ -22,6 +21,18 @@ __all__ = ["PORTS", "Honest", "Rig"]
 
 PORTS = {"farm": 8702, "hub": 8703}
 LATENESS = "pnfarm_engine_lateness_seconds_bucket"
+FARM = """\
+farm: strangers
+link: {{kind: veth}}
+api: 127.0.0.1:{port}
+drives:
+  - {{name: "akd-{{n:02}}", count: {drives}, model: akd-profinet, ip: 10.77.0.11/23}}
+controller:
+  name: plc
+  ip: 10.77.0.1/23
+  cycle: 16ms
+  watchdog_factor: 16
+"""
 START_SECONDS, ANSWER_SECONDS = 300.0, 30.0
 
 
@@ -43,7 +54,7 @@ class Rig:
     def open(self) -> None:
         """Start all, and wait until every drive is in operation."""
         file = self._folder / "strangers.pnfarm.yml"
-        file.write_text(farm_text(self._drives, "veth", f"127.0.0.1:{PORTS['farm']}"))
+        file.write_text(FARM.format(port=PORTS["farm"], drives=self._drives))
         served = [*self._served, "--tokens", self._tokens]
         self._start("farm", "up", file, *served, "--audit", self.audits["farm"])
         self._wait("the farm is up", lambda: self.ask("farm", "GET", "/api/v1/readyz")[0] == 200)
