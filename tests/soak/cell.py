@@ -45,7 +45,7 @@ controller:
   name: plc
   ip: 10.77.1.250/23
   cycle: 32ms
-  watchdog_factor: 16
+  watchdog_factor: 60
   program: {kind: sine, speed_rpm: 300, period: 4s, acknowledge_after: 300ms}
   reconnect: {after: 500ms}
 """
