@@ -146,6 +146,20 @@ def test_fewer_missing_answers_than_repetitions_cost_nothing(farm, count):
     assert bench.turns()
 
 
+@pytest.mark.parametrize(("late_ns", "cause"), [(0, "controller"), (20_000_000, "farm")])
+def test_a_slave_that_its_master_starts_anew_behind_a_late_answer_is_the_farms_own_loss(farm, late_ns, cause):
+    bench = Bench(farm, keys="retries: 1", watchdog="2s")
+    bench.inject("drop-cycles", count=2)
+    bench.line.run(0.006)
+    # what the event loop notes of itself in real time
+    bench.core.lateness.loop_late(bench.line.now_ns, late_ns)
+    bench.line.run(0.5)
+    (lost,) = bench.line.events("connection lost")
+    assert (lost.data["reason"], lost.data["cause"]) == ("parametrised-again", cause)
+    assert bench.device.losses_by_farm() == ({"parametrised-again": 1} if cause == "farm" else {})
+    assert bench.device.losses() == {"parametrised-again": 1}
+
+
 def test_wrong_octets_fail_the_check_sum_and_the_request_is_repeated(bench):
     before = bench.station.retries
     bench.inject("corrupt", probability=0.2, seed=3)

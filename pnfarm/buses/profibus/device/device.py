@@ -15,7 +15,7 @@ from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.buses.profibus.device.view import connection_of, details_of, losses_in_words, view_of
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profibus import slave_user as dp
-from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave
+from pnfarm.protocols.profibus.slave import PARAMETERS_AGAIN, UNLOCKED, WATCHDOG, Slave
 from pnfarm.protocols.profibus.wire.dp import DpState
 from pnfarm.protocols.profibus.wire.telegram import (
     BODY,
@@ -47,6 +47,12 @@ if TYPE_CHECKING:
     from pnfarm.station.station import Station
 
 __all__ = ["ProfibusDevice"]
+
+#: How long behind the last poll that was answered a master's next ones may lie before it gives the slave up: a time, or
+#: so many cycles.
+RETRIES_NS, RETRY_CYCLES = 100_000_000, 4
+#: Where the master's cycle is not known yet.
+SHORTEST_CYCLE_NS = 1_000_000
 
 
 def _searches(telegram: Telegram, address: int) -> bool:
@@ -320,6 +326,12 @@ class ProfibusDevice:
     def _left(self, event: dp.Left, now: int) -> None:
         silent = self._watchdog_ns
         own: Lateness | None = None
+        if event.why == PARAMETERS_AGAIN:
+            # as a master does that got no answer in its slot time: the farm may have been too late with it
+            cycle, last = max(self.cycle_ns, SHORTEST_CYCLE_NS), int(self.station.image.frame_ns)
+            until = min(now, last + max(RETRIES_NS, RETRY_CYCLES * cycle))
+            # the last poll itself may have been answered too late
+            own = self._lateness.between(last - cycle, until, budget_ns(cycle, cycle), by_loop=True)
         if event.why == WATCHDOG:
             own = self._lateness.between(now - silent, now, budget_ns(self.cycle_ns, silent), by_loop=True)
             self.watchdog_expirations += 1
