@@ -11,6 +11,7 @@ kept, a line of hexadecimal digits for each, in ``tests/fuzz/kept/TARGET.txt``; 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import gc
 import importlib.util
 import io
@@ -22,6 +23,7 @@ import signal
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Iterable, Mapping
 from contextlib import redirect_stderr
 from fnmatch import fnmatchcase
@@ -132,8 +134,11 @@ def _forked(target: Target, arguments: list[str], told: Path) -> int:
         # what the target raises is the finding
         atheris.Setup(["fuzz", *arguments], feed, **({} if target.vary is None else {"custom_mutator": mutate}))
         atheris.Fuzz()
+    except BaseException:  # noqa: BLE001 - what Python would do next is not the fork's business
+        traceback.print_exc()
     finally:
-        os._exit(70)
+        # not os._exit: at the end of a process libFuzzer writes the input that ended it
+        ctypes.CDLL(None).exit(70)
 
 
 def _named(folder: Path, inputs: Iterable[bytes]) -> list[Path]:

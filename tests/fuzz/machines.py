@@ -248,8 +248,10 @@ class IpHostMachine(Machine):
             return b"\x08\x00" + random_octets(rng)
 
     def take(self, rng, data):
+        """From the EtherType on; the farm drops shorter frames before they are the host's."""
         mac, peer = self.station.port.mac, self.line.plc.port.mac
-        self.station.device.ip.receive(parse_ethernet(mac + peer + data), self.now)
+        if len(data) >= 2:
+            self.station.device.ip.receive(parse_ethernet(mac + peer + data), self.now)
         self.settle()
 
 
