@@ -90,13 +90,16 @@ class SinaPos(AxisProgram):
         self._write(outputs)
 
     def _read(self, inputs):
-        zsw1 = inputs["ZSW1"] if inputs.valid else 0
-        names = ((2, "AxisEnabled"), (3, "AxisError"), (6, "Lockout"), (7, "AxisWarn"), (10, "AxisPosOk"))
-        for bit, name in (*names, (11, "AxisRef"), (13, "AxisSpFixed")):
-            setattr(self, name, bool(zsw1 >> bit & 1))
-        words = {"EPosZSW1": "POS_ZSW1", "EPosZSW2": "POS_ZSW2", "ActVelocity": "NIST_B", "ActPosition": "XIST_A"}
-        for name, signal in (words | {"ActFault": "FAULT_CODE", "ActWarn": "WARN_CODE"}).items():
-            setattr(self, name, inputs[signal] if inputs.valid else 0)
+        words = ("ZSW1", "POS_ZSW1", "POS_ZSW2", "NIST_B", "XIST_A", "FAULT_CODE", "WARN_CODE")
+        zsw1, *others = [inputs[word] for word in words] if inputs.valid else [0] * len(words)
+        self.EPosZSW1, self.EPosZSW2, self.ActVelocity, self.ActPosition, self.ActFault, self.ActWarn = others
+        self.AxisEnabled, self.AxisError = bool(zsw1 & 1 << 2), bool(zsw1 & 1 << 3)
+        self.Lockout, self.AxisWarn = bool(zsw1 & 1 << 6), bool(zsw1 & 1 << 7)
+        self.AxisPosOk, self.AxisRef, self.AxisSpFixed = (
+            bool(zsw1 & 1 << 10),
+            bool(zsw1 & 1 << 11),
+            bool(zsw1 & 1 << 13),
+        )
         shown = (bool(self.EPosZSW1 & 0x8000), bool(self.EPosZSW1 & 0x4000))
         if not inputs.valid:
             self.ActMode = 0

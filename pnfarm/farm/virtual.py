@@ -99,8 +99,10 @@ class VirtualWorld:
         """
         first = not self._nodes
         self._nodes.append(node)
-        self._parts.insert(len(self._nodes) - 1, node)
-        self._served.insert(len(self._nodes) - 1, -1)
+        place = len(self._nodes) - 1
+        self._parts.insert(place, node)
+        self._dues.insert(place, None)
+        self._served.insert(place, -1)
         self._tables.append(node.columns)
         self._heads.append(node.columns.engine["event_head"])
         self._addresses.append(_sorted((port.mac, port.index) for port in ports))
@@ -110,6 +112,7 @@ class VirtualWorld:
     def join_programs(self, programs: Serviced) -> None:
         """Call users' programs at their times, after all nodes, so that they see what these received."""
         self._parts.append(programs)
+        self._dues.append(None)
         self._served.append(0)
 
     def _follow_addresses(self) -> None:
@@ -244,20 +247,27 @@ class VirtualWorld:
         for _ in range(MOST_ROUNDS):
             delivered = self.switch.deliver(self.now)
             self._service(whole=whole or delivered > 0)
-            self._dues = [part.next_deadline() for part in self._parts]
-            due = min((one for one in (self.switch.next_deadline(), *self._dues) if one is not None), default=None)
+            due = self.switch.next_deadline()
+            for one in self._dues:
+                if one is not None and (due is None or one < due):
+                    due = one
             if not delivered and (due is None or due > self.now):
                 return due
         raise InternalError("the virtual world does not come to rest: a machine asks to be called again and again")
 
     def _service(self, *, whole: bool) -> None:
-        heads = [int(head[0]) for head in self._heads]
+        """Of other parts the deadline stays: what one does to another travels as a frame, or is in its events."""
+        now, heads = self.now, [int(head[0]) for head in self._heads]
+        asked = []
         for number, part in enumerate(self._parts):
             head = heads[number] if number < len(heads) else 0
             due = None if whole else self._dues[number]
-            if whole or (due is not None and due <= self.now) or head != self._served[number]:
+            if whole or (due is not None and due <= now) or head != self._served[number]:
                 self._served[number] = head
-                part.service(self.now)
+                part.service(now)
+                asked.append(number)
+        for number in asked:
+            self._dues[number] = self._parts[number].next_deadline()
 
 
 def _sorted(ports: Iterable[tuple[bytes, int]]) -> tuple[np.ndarray, np.ndarray]:
