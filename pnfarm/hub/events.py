@@ -14,43 +14,54 @@ if TYPE_CHECKING:
     from pnfarm.hub.hub import Hub
     from pnfarm.hub.log import HubEntry, MergedLog
 
-__all__ = ["event_stream"]
+__all__ = ["Reader", "event_stream"]
 
 
-class _Reader:
-    """``begin``: a position, a sequence number of this hub, or None: from now on."""
+#: Origins in the position of a client: more are those of shards' runs that ended long ago.
+MOST_ORIGINS = 300
+
+
+class Reader:
+    """The messages of one client's stream.  ``begin``: a position, a sequence number of this hub, or None: from now on.
+
+    A hub that has just begun may hear of a shard later than the client did: what the client has is left out whenever it
+    comes, and the position never goes back.
+    """
 
     def __init__(self, log: MergedLog, begin: str | None, drive: str | None) -> None:
         self._log = log
         self._drive = drive
-        self._known = parse_position(begin) if begin is not None else None
-        self.after = 0 if self._known is not None else start_of(log, begin)
+        position = parse_position(begin) if begin is not None else None
+        self._known = position or {}
+        self.after = 0 if position is not None else start_of(log, begin)
         self._position = log.position(self.after)
+        for origin, number in self._known.items():
+            if origin in self._position or len(self._position) < MOST_ORIGINS:
+                self._position[origin] = max(number, self._position.get(origin, 0))
+        #: Whether entries come that were there before the client asked: what is lost of these, :meth:`first` says.
+        self._replays = position is not None
         self._newest = log.newest
 
     def first(self) -> str:
-        lost = 0 if self._known is None else self._log.lost(self._known)
+        lost = self._log.lost(self._known)
         return gap(lost) if lost else ""
 
     def text(self, entries: Sequence[HubEntry], lost: int) -> str:
-        known, text = self._known, ""
-        if lost > 0 and known is None:
-            text += gap(lost)
+        text = gap(lost) if lost > 0 and not self._replays else ""
         for entry in entries:
-            if entry.lost and known is None:
+            if entry.number <= self._known.get(entry.origin, 0):
+                continue
+            if entry.lost and not self._replays:
                 text += gap(entry.lost)
             self._position[entry.origin] = entry.number
-            if known is not None and entry.number <= known.get(entry.origin, 0):
-                continue
             if self._drive is None or entry.drive == self._drive:
                 data = json.dumps(entry.as_dict(), default=str)
                 text += f"id: {format_position(self._position)}\ndata: {data}\n\n"
         if entries[-1].sequence >= self._newest:
-            # from here on everything is new to this client
-            self._known = None
+            self._replays = False
         return text
 
 
 def event_stream(hub: Hub, begin: str | None, drive: str | None, *, follow: bool = True) -> AsyncIterator[str]:
     """Messages for every entry behind ``begin``, of one drive or of all."""
-    return log_stream(hub, hub.log, _Reader(hub.log, begin, drive), follow=follow)
+    return log_stream(hub, hub.log, Reader(hub.log, begin, drive), follow=follow)

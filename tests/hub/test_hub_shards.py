@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 
 import pytest
 from hypothesis import given
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from pnfarm.errors import ConfigError
 from pnfarm.hub.clocks import ClockOffset
+from pnfarm.hub.events import Reader
 from pnfarm.hub.log import HOLD_NS, KEPT, MergedLog, format_position, parse_position
 from pnfarm.hub.settings import api_of, name_of, url_of
 from pnfarm.hub.shards import KEEP_NS, AwayError, Shards
@@ -193,6 +195,25 @@ def test_a_position_goes_over_a_restart_and_tells_what_is_lost():
     other.take("a" * 8, 9, 9, entry())
     other.release(10**12)
     assert [one.lost for one in other.entries()] == [0, 2]
+
+
+def test_a_client_gets_nothing_twice_from_a_new_hub_that_hears_of_a_shard_later_than_the_client_did():
+    log = MergedLog()
+    for number in (1, 2):
+        log.take("a" * 8, number, number, entry(event=f"a{number}"))
+    log.release(10**12)
+    reader = Reader(log, format_position({"a" * 8: 4, "b" * 8: 7}), None)
+    log.take("c" * 8, 1, 3, entry(event="shard answers"))
+    for number in (3, 4, 5):
+        log.take("a" * 8, number, number, entry(event=f"a{number}"))
+    log.take("b" * 8, 7, 6, entry(event="b7"))
+    log.release(10**12)
+    said = reader.first() + reader.text(log.entries(after=reader.after), 0)
+    messages = [message.split("\n") for message in said.strip().split("\n\n")]
+    positions = [parse_position(identity.removeprefix("id: ")) for identity, _ in messages]
+    assert [json.loads(data.removeprefix("data: "))["event"] for _, data in messages] == ["shard answers", "a5"]
+    assert positions[0] == {"a" * 8: 4, "b" * 8: 7, "c" * 8: 1}
+    assert positions[1] == {"a" * 8: 5, "b" * 8: 7, "c" * 8: 1}
 
 
 def test_a_flood_takes_no_memory_without_bound():
