@@ -95,11 +95,8 @@ class SinaPos(AxisProgram):
         self.EPosZSW1, self.EPosZSW2, self.ActVelocity, self.ActPosition, self.ActFault, self.ActWarn = others
         self.AxisEnabled, self.AxisError = bool(zsw1 & 1 << 2), bool(zsw1 & 1 << 3)
         self.Lockout, self.AxisWarn = bool(zsw1 & 1 << 6), bool(zsw1 & 1 << 7)
-        self.AxisPosOk, self.AxisRef, self.AxisSpFixed = (
-            bool(zsw1 & 1 << 10),
-            bool(zsw1 & 1 << 11),
-            bool(zsw1 & 1 << 13),
-        )
+        self.AxisPosOk, self.AxisRef = bool(zsw1 & 1 << 10), bool(zsw1 & 1 << 11)
+        self.AxisSpFixed = bool(zsw1 & 1 << 13)
         shown = (bool(self.EPosZSW1 & 0x8000), bool(self.EPosZSW1 & 0x4000))
         if not inputs.valid:
             self.ActMode = 0

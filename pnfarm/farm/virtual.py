@@ -261,7 +261,7 @@ class VirtualWorld:
         asked = []
         for number, part in enumerate(self._parts):
             head = heads[number] if number < len(heads) else 0
-            due = None if whole else self._dues[number]
+            due = self._dues[number]
             if whole or (due is not None and due <= now) or head != self._served[number]:
                 self._served[number] = head
                 part.service(now)

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Reader", "event_stream"]
 
-
 #: Origins in the position of a client: more are those of shards' runs that ended long ago.
 MOST_ORIGINS = 300
 

@@ -6,6 +6,7 @@ the exit code is 1 then, 2 for a wrong argument.
 """
 
 # ruff: noqa: T201 - what it prints is its answer
+# ruff: noqa: E402 - the path of imports comes first
 
 from __future__ import annotations
 
@@ -25,13 +26,13 @@ from typing import NoReturn
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests" / name) for name in ("support", "faults", "protocols/enip", "interop")]
 
-from tests.fuzz import campaign, differential, guided, running, storms  # noqa: E402
-from tests.fuzz.corpus import gather  # noqa: E402
-from tests.fuzz.machines import MACHINES  # noqa: E402
-from tests.fuzz.machines_enip import ENIP, enip_layers  # noqa: E402
-from tests.fuzz.machines_more import MORE  # noqa: E402
-from tests.fuzz.targets import parsers  # noqa: E402
-from tests.fuzz.watch import FailureFoundError, resident  # noqa: E402
+from tests.fuzz import campaign, differential, guided, running, storms
+from tests.fuzz.corpus import gather
+from tests.fuzz.machines import MACHINES
+from tests.fuzz.machines_enip import ENIP, enip_layers
+from tests.fuzz.machines_more import MORE
+from tests.fuzz.targets import parsers
+from tests.fuzz.watch import FailureFoundError, resident
 
 #: Processor time that one input may take; the longest are a thousand times below.
 PARSER_SECONDS = 0.25

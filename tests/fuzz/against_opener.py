@@ -116,6 +116,7 @@ class OpenerRig:
         while "LISTEN" not in self._lab.run("farm", "ss", "-Hltn", "sport = :44818").stdout:
             if self._opener.poll() is not None or time.monotonic() > end:
                 raise RuntimeError(f"{self.program} does not listen on port 44818")
+            # a foreign program says nothing when it begins to listen
             time.sleep(0.05)
 
     def answers(self, sequence: list[Sent]) -> list[bytes | str]:

@@ -1,5 +1,7 @@
 """Scapy as the other implementation."""
 
+# ruff: noqa: E402 - scapy writes to its logger while it is imported
+
 from __future__ import annotations
 
 import logging
@@ -7,21 +9,20 @@ from collections.abc import Callable, Sequence
 
 from tests.fuzz.layers import Answer, Fields
 
-# before scapy is imported, which says more than is wanted
 logging.getLogger("scapy").setLevel(logging.CRITICAL)
 
-import scapy  # noqa: E402
-from scapy.config import conf  # noqa: E402
-from scapy.contrib.enipTCP import ENIPTCP  # noqa: E402
-from scapy.contrib.lldp import LLDPDU, LLDPDUChassisID, LLDPDUPortID, LLDPDUTimeToLive  # noqa: E402
-from scapy.contrib.pnio import ProfinetIO  # noqa: E402
-from scapy.contrib.pnio_dcp import DCPNameOfStationBlock, ProfinetDCP  # noqa: E402
-from scapy.contrib.pnio_rpc import Alarm_High, Alarm_Low, Block, PNIOServiceReqPDU, PNIOServiceResPDU  # noqa: E402
-from scapy.layers.dcerpc import DceRpc4  # noqa: E402
-from scapy.layers.inet import ICMP, IP, UDP  # noqa: E402
-from scapy.layers.l2 import ARP, Dot1Q, Ether  # noqa: E402
-from scapy.layers.snmp import SNMP  # noqa: E402
-from scapy.packet import NoPayload, Packet  # noqa: E402
+import scapy
+from scapy.config import conf
+from scapy.contrib.enipTCP import ENIPTCP
+from scapy.contrib.lldp import LLDPDU, LLDPDUChassisID, LLDPDUPortID, LLDPDUTimeToLive
+from scapy.contrib.pnio import ProfinetIO
+from scapy.contrib.pnio_dcp import DCPNameOfStationBlock, ProfinetDCP
+from scapy.contrib.pnio_rpc import Alarm_High, Alarm_Low, Block, PNIOServiceReqPDU, PNIOServiceResPDU
+from scapy.layers.dcerpc import DceRpc4
+from scapy.layers.inet import ICMP, IP, UDP
+from scapy.layers.l2 import ARP, Dot1Q, Ether
+from scapy.layers.snmp import SNMP
+from scapy.packet import NoPayload, Packet
 
 __all__ = ["LAYERS", "answers", "version"]
 

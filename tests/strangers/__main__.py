@@ -6,6 +6,7 @@ is 0 if everything held, 1 if not, 2 for a wrong argument, 4 where the machine p
 """
 
 # ruff: noqa: T201 - what it prints is its answer
+# ruff: noqa: E402 - the path of imports comes first
 
 from __future__ import annotations
 
@@ -22,8 +23,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "faults")]
 
-from pnfarm.errors import EnvironmentError_  # noqa: E402
-from pnfarm.links.kernel.sandbox import enter_sandbox  # noqa: E402
+from pnfarm.errors import EnvironmentError_
+from pnfarm.links.kernel.sandbox import enter_sandbox
 
 #: A time of quiet and one of attack, seconds; the attacks under way end within the third.
 QUIET, ATTACK, BEHIND = 30.0, 90.0, 60.0
@@ -75,6 +76,7 @@ def _run(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
     stalls = StallWatch()
     try:
         rig.open()
+        # connections are set up to their last phase
         time.sleep(5.0)
         before, connects, begun = {}, rig.connects(), time.monotonic()
         honest.start()
@@ -104,6 +106,7 @@ def _run(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
             print(f"  {(time.monotonic() - begun) / 60:.0f} min: p99 {shares}, honest {len(honest.took)} answered,"
                   f" {len(honest.failed)} not", flush=True)  # fmt: skip
         honest.stop()
+        # what attackers left open has ended by then, by the limits of the API
         time.sleep(QUIET / 2)
         wrong += [f"the {name} ended" for name in rig.ended()]
         after = rig.held()

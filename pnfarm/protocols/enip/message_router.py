@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Protocol
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.enip.connection_check import ASSEMBLY
 from pnfarm.protocols.enip.object import Answer, CipObject, refused
 from pnfarm.protocols.enip.status import GeneralStatus, Service
 from pnfarm.protocols.enip.wire.epath import Logical, LogicalSegment, parse_epath
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
 __all__ = ["MESSAGE_ROUTER", "MessageRouter", "ObjectPath", "Origin", "OriginServices", "object_path"]
 
 MESSAGE_ROUTER: Final = 0x02
-_ASSEMBLY: Final = 0x04
 #: Octets of a reply without extended status and data.
 _REPLY_HEADER: Final = 4
 
@@ -87,7 +87,7 @@ def object_path(path: bytes) -> ObjectPath:
     if Logical.CLASS not in numbers:
         raise DecodeError("bad-segment", "no class")
     # an assembly's connection point is its instance; other classes' are no objects
-    if Logical.CONNECTION_POINT in numbers and numbers[Logical.CLASS] != _ASSEMBLY:
+    if Logical.CONNECTION_POINT in numbers and numbers[Logical.CLASS] != ASSEMBLY:
         raise DecodeError("bad-segment", "a connection point of a class without any")
     instance = numbers.get(Logical.INSTANCE, numbers.get(Logical.CONNECTION_POINT, 0))
     return ObjectPath(numbers[Logical.CLASS], instance, numbers.get(Logical.ATTRIBUTE))

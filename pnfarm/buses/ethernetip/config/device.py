@@ -10,7 +10,7 @@ from pydantic import Field
 from pnfarm.buses.ethernetip.config.values import Rpi  # noqa: TC001 - pydantic reads the annotations of fields
 from pnfarm.config.ip import IpDeviceConfig, IpDevices
 from pnfarm.config.section import Section
-from pnfarm.config.values import Cidr, Scalar  # noqa: TC001 - the command line is made from the annotations
+from pnfarm.config.values import Cidr, Scalar  # noqa: TC001 - pydantic reads the annotations of fields
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

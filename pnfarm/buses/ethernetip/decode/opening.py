@@ -10,6 +10,7 @@ from pnfarm.buses.ethernetip.decode.names import octets_text, path_text
 from pnfarm.buses.ethernetip.decode.shared import Opened
 from pnfarm.captures.packet import Description
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.enip.connection_check import ASSEMBLY
 from pnfarm.protocols.enip.status import ConnectionStatus, GeneralStatus, Service, status_text
 from pnfarm.protocols.enip.wire.cpf import SocketAddress
 from pnfarm.protocols.enip.wire.epath import ElectronicKey, Logical, LogicalSegment, parse_epath
@@ -42,7 +43,6 @@ _SIZES: Final = frozenset(
     {ConnectionStatus.O_TO_T_SIZE, ConnectionStatus.T_TO_O_SIZE, ConnectionStatus.INVALID_CONNECTION_SIZE}
 )
 #: The connection path of an assembly: consumed, then produced point, behind the configuration.
-_ASSEMBLY: Final = 0x04
 _POINTS: Final = frozenset({Logical.INSTANCE, Logical.CONNECTION_POINT})
 
 
@@ -194,7 +194,7 @@ def _points(path: bytes) -> tuple[ElectronicKey | None, list[int]]:
         return None, []
     key = next((segment for segment in segments if isinstance(segment, ElectronicKey)), None)
     logical = [segment for segment in segments if isinstance(segment, LogicalSegment)]
-    if not any(segment.kind == Logical.CLASS and segment.value == _ASSEMBLY for segment in logical):
+    if not any(segment.kind == Logical.CLASS and segment.value == ASSEMBLY for segment in logical):
         return key, []
     points = [segment.value for segment in logical if segment.kind in _POINTS]
     return key, points[-2:] if len(points) > 1 else []

@@ -15,6 +15,7 @@ from pnfarm.buses.ethernetip.device.offers import connection_settings
 from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.connection import ConnectionKind, IoOffer
+from pnfarm.protocols.enip.connection_check import ASSEMBLY
 from pnfarm.protocols.enip.eds.text import Eds, EdsEntry, EdsSection, EdsString
 from pnfarm.protocols.enip.objects.ethernet_link import EthernetLinkData, ethernet_link_object
 from pnfarm.protocols.enip.objects.identity import IdentityData, identity_object
@@ -36,7 +37,6 @@ __all__ = ["RPI_PARAMETER", "comments", "describe_model", "file_name"]
 _DAY, _TIME, _REVISION = "11-23-2026", "12:00:00", "1.1"
 #: Number of the entry with the limits of the packet interval: behind every instance.
 RPI_PARAMETER: Final = 60001
-_ASSEMBLY: Final = 0x04
 _DATA: Final = 3
 #: Types by number (ODVA's list of device profiles).
 _TYPES: Final = {
@@ -155,7 +155,7 @@ def _assemblies(product: Product) -> Iterator[EdsEntry]:
         ("Command", product.output_assembly, product.output_size),
         ("Response", product.input_assembly, product.input_size),
     ):
-        path = _path(*logical_path(_ASSEMBLY, number, _DATA))
+        path = _path(*logical_path(ASSEMBLY, number, _DATA))
         yield EdsEntry(f"Assem{number}", (EdsString(name), path, str(octets), "0x0000", "", ""))
 
 
@@ -184,7 +184,7 @@ def _connections(product: Product) -> Iterator[EdsEntry]:
             f"Assem{product.configuration_assembly}" if product.configuration_size else "",
             EdsString(name),
             EdsString(""),
-            _path(*logical_path(_ASSEMBLY, product.configuration_assembly), *points),
+            _path(*logical_path(ASSEMBLY, product.configuration_assembly), *points),
         ]
         yield EdsEntry(f"Connection{place}", tuple(fields))
 

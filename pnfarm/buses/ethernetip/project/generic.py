@@ -9,6 +9,7 @@ import re
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.buses.ethernetip.made_eds import MadeConnection, made_eds
+from pnfarm.protocols.enip.connection_check import ASSEMBLY
 from pnfarm.protocols.enip.wire.epath import emit_epath, logical_path
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = ["configuration_instance", "generic_eds", "lengths", "points"]
 
-_ASSEMBLY: Final = 0x04
 _CONFIGURATION = re.compile(r"\[\s*([0-9]{1,9})\s*,\s*([0-9]{1,9})\s*[,\]]")
 #: Octets in front of a configuration: its length and its instance are among them.
 _CONFIGURATION_HEAD: Final = 4
@@ -59,7 +59,7 @@ def points(module: L5xModule, connection: L5xConnection) -> bytes:
     instance = configuration_instance(module)
     if not 0 < instance <= 0xFFFF:
         return b""
-    return emit_epath(logical_path(_ASSEMBLY, instance, None, *ways))
+    return emit_epath(logical_path(ASSEMBLY, instance, None, *ways))
 
 
 def generic_eds(module: L5xModule, connection: L5xConnection) -> bytes | None:
