@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pnfarm.user_code.worker import Caller
+from pnfarm.user_code.caller import Caller
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

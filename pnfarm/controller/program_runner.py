@@ -23,8 +23,9 @@ from pnfarm.station.event import Event, event
 from pnfarm.table.access.record_fields import field_views
 from pnfarm.table.channel import IDLE, OPEN
 from pnfarm.table.signals import STW2
+from pnfarm.user_code.caller import Caller
 from pnfarm.user_code.file import error_text, place_of
-from pnfarm.user_code.worker import Call, Caller
+from pnfarm.user_code.worker import Call
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -201,7 +202,7 @@ class ProgramRunner:
         self._busy_until_ns = 0
         #: End of the cycle that is missed.
         self._missing_until_ns = 0
-        self._caller = Caller()
+        self._caller = Caller(in_place=not in_real_time)
         self.line = Line(controllers.line_devices())
         self._axes = [
             _Axis(each, kind, self.line) for each in controllers.programmed() if each.device.signals is not None

@@ -16,8 +16,9 @@ from pnfarm.errors import ConfigError
 from pnfarm.plant.events import PlantModelFailed, PlantModelLate
 from pnfarm.plant.python_file import ModelClass
 from pnfarm.plant.python_state import check_state, put_state, state_of
+from pnfarm.user_code.caller import Caller
 from pnfarm.user_code.file import error_text, place_of, placed
-from pnfarm.user_code.worker import Call, Caller
+from pnfarm.user_code.worker import Call
 from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ class PythonModels:
         self._models = [_Model(one, values) for one in models]
         self._note = note
         self._late = late
-        self._caller = Caller()
+        self._caller = Caller(in_place=late is None)
         #: Who calls models: their thread, or who saves or restores them.
         self._calling = threading.Lock()
 

@@ -1,8 +1,7 @@
 """A thread that calls people's code, so that a call that does not return stops only its own axis or model.
 
 :class:`Worker` is handed a list of calls and reports back; a call that takes longer than the limit is left to itself:
-its thread is asked to end by an exception (which cannot end a call that waits in the kernel), and :class:`Caller` goes
-on with a new worker.
+its thread is asked to end by an exception (which cannot end a call that waits in the kernel).
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from pnfarm.errors import InternalError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-__all__ = ["Call", "Caller", "Interrupted", "Worker"]
+__all__ = ["Call", "Interrupted", "Worker"]
 
 #: How long an abandoned thread waits for the exception that ends it.
 _PATIENCE_SECONDS = 1.0
@@ -126,30 +125,3 @@ class Worker:
             call.error = error
             call.duration_ns = time.perf_counter_ns() - call.began_ns
             return True
-
-
-class Caller:
-    """Makes calls in turn, by another thread after each one that does not return."""
-
-    def __init__(self) -> None:
-        self._worker = Worker()
-        self._abandoned: list[Worker] = []
-
-    def run(self, calls: Sequence[Call], limit_ns: int) -> list[Call]:
-        """Make the calls and wait; those that exceeded the limit."""
-        stuck: list[Call] = []
-        begun = 0
-        while begun < len(calls):
-            late = self._worker.run(calls[begun:], limit_ns)
-            if late is None:
-                break
-            self._abandoned.append(self._worker)
-            self._worker = Worker()
-            stuck.append(late)
-            begun = calls.index(late) + 1
-        return stuck
-
-    def close(self) -> None:
-        """End the threads; one that waits in the kernel ends with the process."""
-        for worker in (self._worker, *self._abandoned):
-            worker.close()

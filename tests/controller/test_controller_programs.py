@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Self
 
@@ -241,7 +242,24 @@ def test_an_exception_stops_its_axis_alone_with_its_line_told_once(tmp_path):
         assert rig.failure("axis-02") == ""
 
 
-@pytest.mark.parametrize("loop", ["while True: pass", "import time; time.sleep(1)"])
+ENDLESS = {
+    "a loop": "while True: pass",
+    "a wait": "import time; time.sleep(3600)",
+    "a lock": "import threading; lock = threading.Lock(); lock.acquire(); lock.acquire()",
+    "a loop that catches everything": """
+            while True:
+                try:
+                    while True:
+                        try:
+                            sum(range(20))
+                        except:
+                            pass
+                except BaseException:
+                    continue""",
+}
+
+
+@pytest.mark.parametrize("loop", ENDLESS.values(), ids=ENDLESS)
 def test_a_call_that_does_not_return_stops_its_axis_and_not_the_others(tmp_path, loop):
     file = tmp_path / "mine.py"
     right = (PROGRAMS / "right.py").read_text()
@@ -255,6 +273,14 @@ def test_a_call_that_does_not_return_stops_its_axis_and_not_the_others(tmp_path,
         assert "cycle() did not return within 0.3 s" in rig.failure()
         assert rig.failure("axis-02") == ""
         assert rig.state(1) == 4
+
+
+@pytest.mark.parametrize("name", ["a loop", "a lock"])
+def test_a_call_that_does_not_return_stops_its_axis_where_no_signal_can_end_it(tmp_path, name):
+    with ThreadPoolExecutor(1) as other:
+        other.submit(
+            test_a_call_that_does_not_return_stops_its_axis_and_not_the_others, tmp_path, ENDLESS[name]
+        ).result()
 
 
 def test_a_program_may_use_dataclasses_and_a_module_beside_it(tmp_path):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import gzip
 import json
 import struct
-import tempfile
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from uuid import UUID
 
 from cip_tape import everything
@@ -107,7 +107,8 @@ class CaptureFileMachine(Machine):
 
     def start(self, rng):
         self.frames = 0
-        self.path = Path(tempfile.mkstemp(prefix="fuzz-", suffix=".pcap")[1])
+        self.folder = TemporaryDirectory(prefix="pnfarm-fuzz-")
+        self.path = Path(self.folder.name) / "capture.pcap"
         frames = [rng.choice(self.layers["frame"]) for _ in range(3)]
         self.files = [_pcap(frames, order) for order in "<>"] + [_pcapng(frames, order) for order in "<>"]
         self.files += [gzip.compress(file, mtime=0) for file in self.files]

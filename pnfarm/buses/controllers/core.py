@@ -102,7 +102,7 @@ class DriveCore(Controller):
     def exchanging(self, name: str) -> bool:
         """Whether a drive's data is valid; false for one that is not the controller's."""
         row = self._rows.get(name)
-        return row is not None and bool(self.columns.image[row].valid)
+        return row is not None and bool(self.columns.image["valid"][row])
 
     # -- the parameter channel (PKW) -----------------------------------------------------------------------------------
 

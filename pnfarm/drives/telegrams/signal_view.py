@@ -205,10 +205,12 @@ class _View:
     """Signals by name; ``values`` is the process image, one number for each slot."""
 
     _forms: Mapping[str, SignalForm]
+    #: The same, also by the telegram's own names.
+    _named: Mapping[str, SignalForm]
     _values: Sequence[int]
 
     def _form(self, name: str, error: type[Exception]) -> SignalForm:
-        form = self._forms.get(name) or self._forms.get(name.lower())
+        form = self._named.get(name) or self._forms.get(name.lower())
         if form is None:
             hint = did_you_mean(name, self._forms)
             raise error(f"the telegram has no signal {name!r} in this direction{hint}; it has {', '.join(self._forms)}")
@@ -256,7 +258,7 @@ class Inputs(_View):
     """What the drive sent last.  ``valid``: whether the connection is up and the drive's data are good."""
 
     def __init__(self, forms: Mapping[str, SignalForm], values: Sequence[int] | None = None) -> None:
-        self._forms = forms
+        self._forms, self._named = forms, _named(forms)
         self._values = [0] * SLOTS if values is None else values
         self.valid = False
 
@@ -273,8 +275,8 @@ class Outputs(_View):
     _values: list[int]
 
     def __init__(self, forms: Mapping[str, SignalForm]) -> None:
-        object.__setattr__(self, "_forms", forms)
-        object.__setattr__(self, "_values", [0] * SLOTS)
+        for name, value in (("_forms", forms), ("_named", _named(forms)), ("_values", [0] * SLOTS)):
+            object.__setattr__(self, name, value)
 
     def _owner(self) -> Outputs | None:
         return self
@@ -303,6 +305,10 @@ class Outputs(_View):
     def clear(self) -> None:
         """All zero."""
         self._values[:] = [0] * SLOTS
+
+
+def _named(forms: Mapping[str, SignalForm]) -> dict[str, SignalForm]:
+    return {**forms, **{name.upper(): form for name, form in forms.items()}}
 
 
 def _whole(form: SignalForm, value: object) -> int:
