@@ -19,6 +19,7 @@ import re
 import shutil
 import sys
 import tempfile
+import types
 from pathlib import Path
 from typing import Any
 
@@ -117,8 +118,28 @@ def _make(folder: str) -> None:
         os.makedirs(folder, exist_ok=True)  # noqa: PTH103 - a name, as Numba has it
 
 
+def _named(value: Any) -> str:
+    """A name for what a function takes from the one around it: the same in each process."""
+    function = getattr(value, "py_func", value)
+    if not isinstance(function, types.FunctionType):
+        return getattr(value, "__name__", None) or repr(value)
+    taken = ", ".join(_named(cell.cell_contents) for cell in function.__closure__ or ())
+    return f"{function.__module__}.{function.__qualname__}({taken})"
+
+
 class FunctionCache(caching.FunctionCache):  # type: ignore[misc]  # numba has no types
-    """One function's machine code."""
+    """One function's machine code: the same octets whenever it is compiled with one ``PYTHONHASHSEED``."""
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        """Numba's own has a digest of what it takes from the function around it, with numbers made at random.
+
+        The folder's name is a digest of the sources already.
+        """
+        return sig, codegen.magic_tuple(), _named(self._py_func)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code, without the text of its types for people, which names addresses."""
+        super().save_overload(sig, data._replace(type_annotation=""))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is kept for these types, None for nothing.

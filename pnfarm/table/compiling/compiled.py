@@ -48,8 +48,9 @@ def _prepare() -> bool:
     # Numba formats the types of the arguments in each of its passes and look-ups, even if no event listener is
     # registered.  A nested record builds that text each time, a tenth of all compile time; its name does as well.
     types.Record.__repr__ = types.Type.__repr__
-    skip_code_of_inlined()
+    # before anything makes Numba's code generator, which asks for the processor then and never again
     choose_processor()
+    skip_code_of_inlined()
     # no index here is below 0, and Numba compares each with 0: the boundary checks of the tests refuse such a one
     slicing.fix_index = lambda _builder, index, _size: index
     if not is_usable():
