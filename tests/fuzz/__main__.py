@@ -209,6 +209,8 @@ def arguments() -> argparse.Namespace:
     against = "compare with another implementation, by layer; may be given more than once"
     parser.add_argument("--against", choices=differential.PEERS, action="append", help=against)
     parser.add_argument("--opener", metavar="PATH", help="with --against opener: its program")
+    parser.add_argument("--pnet", metavar="PATH", help="with --against pnet: its sample's program pn_dev")
+    parser.add_argument("--pnet-gsdml", metavar="PATH", help="with --against pnet: its sample's GSDML file")
     parser.add_argument("--state", help="with --guided: go on with the campaign of this file, until stopped")
     parser.add_argument("--table", action="store_true", help="what the campaign of --state did so far, and stop")
     farm = parser.add_argument_group("a running farm", "A hostile station beside a farm and its controller at work.")

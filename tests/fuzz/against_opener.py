@@ -127,6 +127,10 @@ class OpenerRig:
             raise RuntimeError("the other implementation has ended")
         return [one if one in {"closed", "no end", "silence"} else bytes.fromhex(one) for one in json.loads(line)]
 
+    def told(self) -> str:
+        """What else there is to say of it at the end."""
+        return ""
+
     def __exit__(self, *_: object) -> None:
         self._talk.stdin.close()
         self._talk.wait(10)

@@ -14,13 +14,15 @@ import importlib
 import sys
 import time
 import tomllib
+import traceback
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from random import Random
+from typing import Any
 
 from tests.fuzz.corpus import gather
 from tests.fuzz.layers import LAYERS, Answer, Layer, ours
@@ -29,7 +31,7 @@ from tests.fuzz.mutate import mutated
 
 __all__ = ["PEERS", "Groups", "differences", "known", "main"]
 
-PEERS = ("scapy", "tshark", "opener")
+PEERS = ("scapy", "tshark", "opener", "pnet")
 KNOWN = Path(__file__).with_name("known_differences.toml")
 #: No input of a frame is longer.
 LONGEST = 1500
@@ -67,21 +69,23 @@ def differences(mine: Answer, theirs: Answer) -> Iterator[str]:
 class Groups:
     """Differences by group: how many, and the shortest input of each with both answers."""
 
-    found: dict[str, tuple[int, bytes, object, object]] = field(default_factory=dict)
+    found: dict[str, tuple[int, bytes, object, object, str]] = field(default_factory=dict)
 
-    def add(self, group: str, data: bytes, mine: object, theirs: object) -> None:
-        count, *shortest = self.found.get(group, (0, data, mine, theirs))
-        self.found[group] = (count + 1, *min(shortest, (data, mine, theirs), key=lambda one: len(one[0])))
+    def add(self, group: str, data: bytes, mine: object, theirs: object, again: str = "") -> None:
+        """``again``: the arguments that repeat it, where the input alone does not."""
+        count, *shortest = self.found.get(group, (0, data, mine, theirs, again))
+        self.found[group] = (count + 1, *min(shortest, (data, mine, theirs, again), key=lambda one: len(one[0])))
 
     def report(self, reasons: Mapping[str, str]) -> int:
         """Print them all, those without a reason with an example; 1 if there is such a one."""
         new = 0
-        for group, (count, shortest, mine, theirs) in sorted(self.found.items()):
+        for group, (count, shortest, mine, theirs, again) in sorted(self.found.items()):
             reason = next((text for pattern, text in reasons.items() if fnmatchcase(group, pattern)), None)
             print(f"{count:>8}  {group}: {reason or 'NEW'}")
             if reason is None:
                 new += 1
                 print(f"          input:  {shortest.hex()}\n          ours:   {mine}\n          theirs: {theirs}")
+                print(f"          again:  {again}\n" if again else "", end="")
         count = sum(count for count, *_ in self.found.values())
         print(f"{count} differences in {len(self.found)} groups, {new} of them new")
         return int(new > 0)
@@ -89,7 +93,7 @@ class Groups:
 
 def main(options: argparse.Namespace) -> int:
     """The worst of all peers: 1 where a difference is not known, 2 for a wrong argument, 4 for a missing peer."""
-    return max(_opener(options) if name == "opener" else _layers(options, name) for name in options.against)
+    return max(_PROGRAMS.get(name, _layers)(options, name) for name in options.against)
 
 
 @cache
@@ -130,26 +134,73 @@ def _layers(options: argparse.Namespace, against: str) -> int:
     return groups.report(known(against))
 
 
-def _opener(options: argparse.Namespace) -> int:
+def _file(options: argparse.Namespace, peer: str, option: str, what: str) -> Path | None:
+    """The file that an option names, or None with a complaint."""
+    given = getattr(options, option.replace("-", "_"))
+    if given is not None and Path(given).is_file():
+        return Path(given)
+    print(f"tests.fuzz: --against {peer} needs --{option} PATH, {what}", file=sys.stderr)
+    return None
+
+
+def _behaviour(
+    options: argparse.Namespace, peer: str, ours: Any, rig: Any, sequence: Callable[[int], list[Any]], compared: Any
+) -> int:
+    """Sequences of messages for our protocol machine and for the other program, which ``rig`` runs."""
+    groups, messages, alike, done = Groups(), 0, 0, 0
+    numbers = range(options.count) if options.turn is None else range(options.turn, options.turn + 1)
+    began = time.monotonic()
+    with rig as theirs:
+        for number in numbers:
+            if options.seconds is not None and time.monotonic() - began > options.seconds:
+                break
+            sent = sequence(number)
+            again = f"--against {peer} --seed {options.seed} --turn {number}"
+            try:
+                mine = ours.answers(sent)
+            except Exception:  # noqa: BLE001 - whatever it is, it is the finding
+                traceback.print_exc()
+                print(
+                    *(f"{one.what}: {one.octets.hex()}" for one in sent), f"again: {again}", sep="\n", file=sys.stderr
+                )
+                return 1
+            for one, our_class, their_class in compared(sent, mine, theirs.answers(sent)):
+                messages += 1
+                alike += our_class == their_class
+                if our_class != their_class:
+                    group = f"{one.what}: ours {our_class}; theirs {their_class}"
+                    groups.add(group, one.octets, our_class, their_class, again)
+            done += 1
+        more = theirs.told()
+    rate = messages / (time.monotonic() - began)
+    print(f"{done} sequences, {messages} messages, {rate:,.0f} a second; {alike} answered alike{more}")
+    return groups.report(known(peer))
+
+
+def _opener(options: argparse.Namespace, peer: str) -> int:
     """Sequences of messages, for a built program of OpENer."""
     from tests.fuzz.against_opener import OpenerRig, Ours, compared
     from tests.fuzz.enip_sequences import sequence
 
-    if options.opener is None or not Path(options.opener).is_file():
-        print("tests.fuzz: --against opener needs --opener PATH, its built program", file=sys.stderr)
+    if (program := _file(options, peer, "opener", "its built program")) is None:
         return 2
-    groups, mine, messages, alike = Groups(), Ours(), 0, 0
-    began = time.monotonic()
-    with OpenerRig(Path(options.opener)) as theirs:
-        for number in range(options.count):
-            sent = sequence(options.seed, number)
-            for one, our_class, their_class in compared(sent, mine.answers(sent), theirs.answers(sent)):
-                messages += 1
-                alike += our_class == their_class
-                if our_class != their_class:
-                    groups.add(
-                        f"{one.what}: ours {our_class}; theirs {their_class}", one.octets, our_class, their_class
-                    )
-    rate = messages / (time.monotonic() - began)
-    print(f"{options.count} sequences, {messages} messages, {rate:,.0f} a second; {alike} answered alike")
-    return groups.report(known("opener"))
+    return _behaviour(options, peer, Ours(), OpenerRig(program), partial(sequence, options.seed), compared)
+
+
+def _pnet(options: argparse.Namespace, peer: str) -> int:
+    """The same for a built sample application of p-net."""
+    from tests.fuzz.against_pnet import Ours, PnetRig, compared, farm_text
+    from tests.fuzz.pnet_base import planned
+    from tests.fuzz.pnet_sequences import sequence
+
+    program = _file(options, peer, "pnet", "its built program pn_dev")
+    gsdml = _file(options, peer, "pnet-gsdml", "its GSDML file")
+    if program is None or gsdml is None:
+        return 2
+    device = planned(gsdml)
+    ours, rig = Ours(device, farm_text(gsdml)), PnetRig(program, device)
+    return _behaviour(options, peer, ours, rig, partial(sequence, device, options.seed), compared)
+
+
+#: Those that are about behaviour; the others read octets.
+_PROGRAMS = {"opener": _opener, "pnet": _pnet}

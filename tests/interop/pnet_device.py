@@ -32,9 +32,9 @@ here = pytest.mark.skipif(
 class PnetDevice:
     """The program in the farm's namespace, with its own network card, its buttons and its lamps."""
 
-    def __init__(self, lab, folder):
+    def __init__(self, lab, folder, program=PROGRAM):
         self.folder = folder
-        shutil.copy(PROGRAM, folder / "pn_dev")
+        shutil.copy(program, folder / "pn_dev")
         for name, text in SCRIPTS.items():
             path = folder / name
             path.write_text("#!/bin/sh\n" + text, encoding="utf-8")
@@ -68,6 +68,10 @@ class PnetDevice:
     def lamp(self, number):
         path = self.folder / f"lamp{number}"
         return path.exists() and path.read_text(encoding="utf-8").strip() == "1"
+
+    @property
+    def ended(self):
+        return self._process.poll() is not None
 
     def stop_for(self, seconds):
         self._process.send_signal(subprocess.signal.SIGSTOP)
