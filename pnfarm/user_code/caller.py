@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.user_code.in_place import InPlace
+from pnfarm.user_code.in_place import in_place as main_thread
 from pnfarm.user_code.worker import Worker
 
 if TYPE_CHECKING:
@@ -22,14 +22,14 @@ class Caller:
     """
 
     def __init__(self, *, in_place: bool) -> None:
-        self._in_place = InPlace() if in_place else None
+        self._in_place = in_place
         self._worker = Worker()
         self._abandoned: list[Worker] = []
 
     def run(self, calls: Sequence[Call], limit_ns: int) -> list[Call]:
         """Make the calls and wait; those that exceeded the limit."""
-        if self._in_place is not None and self._in_place.is_possible():
-            return self._in_place.run(calls, limit_ns)
+        if self._in_place and main_thread.is_possible():
+            return main_thread.run(calls, limit_ns)
         stuck: list[Call] = []
         begun = 0
         while begun < len(calls):
@@ -44,7 +44,5 @@ class Caller:
 
     def close(self) -> None:
         """End the threads; one that waits in the kernel ends with the process."""
-        if self._in_place is not None:
-            self._in_place.close()
         for worker in (self._worker, *self._abandoned):
             worker.close()

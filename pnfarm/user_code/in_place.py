@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import FrameType
 
-__all__ = ["InPlace"]
+__all__ = ["SIGNAL", "in_place"]
 
 #: Of the real-time signals, which nothing sends by itself; its default is to end the process.
 SIGNAL = signal.SIGRTMAX - 1
@@ -32,16 +32,13 @@ SHARE = 1 / 32
 
 
 class InPlace:
-    """Its thread is started by the first :meth:`run`."""
-
-    #: The object whose call runs.
-    current: InPlace | None = None
+    """The calls of one process: one at a time, as there is one main thread.  Its thread is started by the first."""
 
     def __init__(self) -> None:
+        self._runs = False
         #: Number of the call that runs or ran last, and of the one that is to end.
         self._number = self._ending = 0
         self._limit_ns = 0
-        self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
     @staticmethod
@@ -52,28 +49,23 @@ class InPlace:
     def run(self, calls: Sequence[Call], limit_ns: int) -> list[Call]:
         """Make the calls in turn; those that exceeded the limit."""
         self._limit_ns = limit_ns
-        if self._thread is None:
+        if self._thread is None or not self._thread.is_alive():
+            # not alive behind a fork
             signal.signal(SIGNAL, _take_signal)
             self._thread = threading.Thread(target=self._look, args=(threading.get_ident(),), name="pnfarm calls")
             self._thread.daemon = True
             self._thread.start()
         return [call for call in calls if not self._one(call)]
 
-    def close(self) -> None:
-        """End the thread."""
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join()
-
     def is_to_end(self, frame: FrameType) -> bool:
-        """Whether the call that runs lasts too long, and ``frame`` is of people's code."""
-        return self._ending == self._number and frame.f_code is not InPlace._one.__code__
+        """Whether a call runs that lasts too long, and ``frame`` is of people's code."""
+        return self._runs and self._ending == self._number and frame.f_code is not InPlace._one.__code__
 
     def _one(self, call: Call) -> bool:
         """False if the call took too long, however it ended then."""
         self._number += 1
         call.began_ns = time.perf_counter_ns()
-        InPlace.current = self
+        self._runs = True
         try:
             call.action()
         except KeyboardInterrupt:
@@ -82,7 +74,7 @@ class InPlace:
         except BaseException as exc:  # noqa: BLE001 - people's code may raise anything; it is reported
             call.error = exc
         finally:
-            InPlace.current = None
+            self._runs = False
         if self._ending == self._number:
             call.error = None
             return False
@@ -94,15 +86,17 @@ class InPlace:
         seen, looks = 0, 0
         while True:
             pause = max(LEAST_SECONDS, min(MOST_SECONDS, self._limit_ns / 4e9))
-            if self._stop.wait(pause):
-                return
-            if self._number != seen or InPlace.current is not self:
+            time.sleep(pause)
+            if self._number != seen or not self._runs:
                 seen, looks = self._number, 0
                 continue
             looks += 1
             if looks * pause * 1e9 >= self._limit_ns:
                 self._ending = seen
                 signal.pthread_kill(caller, SIGNAL)
+
+
+in_place = InPlace()
 
 
 class _Insistence:
@@ -123,8 +117,7 @@ class _Insistence:
         self._ask(self._function, self)
 
     def __bool__(self) -> bool:
-        current = InPlace.current
-        if current is not None and current.is_to_end(sys._getframe(1)):  # noqa: SLF001 - where the interpreter was
+        if in_place.is_to_end(sys._getframe(1)):  # noqa: SLF001 - where the interpreter was
             self.begin()
             if random.random() < SHARE:
                 raise Interrupted
@@ -137,7 +130,6 @@ _insistence = _Insistence()
 def _take_signal(signal_number: int, frame: FrameType | None) -> None:
     """The signal's handler, in the main thread."""
     del signal_number
-    current = InPlace.current
-    if current is not None and frame is not None and current.is_to_end(frame):
+    if frame is not None and in_place.is_to_end(frame):
         _insistence.begin()
         raise Interrupted

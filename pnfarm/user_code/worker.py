@@ -22,6 +22,25 @@ __all__ = ["Call", "Interrupted", "Worker"]
 _PATIENCE_SECONDS = 1.0
 
 
+def _set_exception(thread: int, kind: type[BaseException] | None) -> None:
+    """Have a thread raise an exception at its next step; None: it need not any more."""
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(kind) if kind else None)
+
+
+def _forget_exceptions() -> None:
+    """No thread is to raise anything: have the interpreter see that, by an exception in this thread.
+
+    It looks for one at each step of each thread until one is raised; beneath a profiler or a debugger CPython 3.11 does
+    nothing else then.
+    """
+    try:
+        _set_exception(threading.get_ident(), Interrupted)
+        while True:
+            pass
+    except Interrupted:
+        return
+
+
 class Interrupted(BaseException):
     """Raised in a program that took too long; not an Exception, so that an ordinary `except` lets it pass."""
 
@@ -78,7 +97,7 @@ class Worker:
         """Raise :class:`Interrupted` in the abandoned thread."""
         thread = self._thread
         if self._is_abandoned and thread is not None and thread.is_alive() and thread.ident is not None:
-            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), ctypes.py_object(Interrupted))
+            _set_exception(thread.ident, Interrupted)
 
     @property
     def is_alive(self) -> bool:
@@ -94,6 +113,10 @@ class Worker:
         elif self._thread.is_alive():
             self._begin.release()
         self._thread.join(seconds)
+        if self._is_abandoned and self._thread.is_alive() and self._thread.ident is not None:
+            # it waits in the kernel
+            _set_exception(self._thread.ident, None)
+            _forget_exceptions()
 
     def _work(self) -> None:
         try:

@@ -189,9 +189,9 @@ def _opener(options: argparse.Namespace, peer: str) -> int:
 
 def _pnet(options: argparse.Namespace, peer: str) -> int:
     """The same for a built sample application of p-net."""
-    from tests.fuzz.against_pnet import Ours, PnetRig, compared, farm_text
-    from tests.fuzz.pnet_base import planned
-    from tests.fuzz.pnet_sequences import sequence
+    from tests.fuzz.pnet.base import planned
+    from tests.fuzz.pnet.rig import Ours, PnetRig, compared, farm_text
+    from tests.fuzz.pnet.sequences import sequence
 
     program = _file(options, peer, "pnet", "its built program pn_dev")
     gsdml = _file(options, peer, "pnet-gsdml", "its GSDML file")

@@ -104,8 +104,8 @@ def example(differential):
 
     from pnfarm.buses.profinet.gsdml_file import load_gsdml
     from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
-    from tests.fuzz.against_pnet import Ours
-    from tests.fuzz.pnet_base import ADDRESS, NAME
+    from tests.fuzz.pnet.base import ADDRESS, NAME
+    from tests.fuzz.pnet.rig import Ours
 
     device = from_gsdml(load_gsdml(CONFIGS / ISLAND), dap="DAP 1", modules={1: "16DI", 2: "8DO"})
     farm = f"""devices:
@@ -119,8 +119,8 @@ def test_our_device_answers_a_whole_connection(example):
 
     from pnfarm.protocols.profinet.wire.block import BlockType
     from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
-    from tests.fuzz.pnet_base import Caller, Sent
-    from tests.fuzz.pnet_dcp import set_address
+    from tests.fuzz.pnet.base import Caller, Sent
+    from tests.fuzz.pnet.dcp import set_address
 
     device, ours = example
     caller = Caller(Random(1), device)
@@ -145,7 +145,7 @@ def test_our_device_answers_a_whole_connection(example):
 
 
 def test_sequences_for_a_profinet_device_follow_from_the_seed_and_are_over_when_they_end(example):
-    from tests.fuzz.pnet_sequences import sequence
+    from tests.fuzz.pnet.sequences import sequence
 
     device, ours = example
     assert sequence(device, 1, 5) == sequence(device, 1, 5)
@@ -181,8 +181,8 @@ def test_answers_of_a_device_that_says_nothing_more(example):
 
 
 def test_what_follows_a_difference_of_a_profinet_device_is_not_compared(differential):
-    from tests.fuzz.against_pnet import compared
-    from tests.fuzz.pnet_base import Sent
+    from tests.fuzz.pnet.base import Sent
+    from tests.fuzz.pnet.rig import compared
 
     sent = [Sent(str(number), b"") for number in range(3)]
     assert len(list(compared(sent, ["OK", "OK", "OK"], ["OK", "silence", "OK"]))) == 2
@@ -211,8 +211,8 @@ class Program:
 
 
 def behaviour(differential, mine, theirs, **options):
-    from tests.fuzz.against_pnet import compared
-    from tests.fuzz.pnet_base import Sent
+    from tests.fuzz.pnet.base import Sent
+    from tests.fuzz.pnet.rig import compared
 
     given = Namespace(**{"count": 3, "turn": None, "seconds": None, "seed": 7} | options)
     sent = [Sent("a Connect of the same AR", b"\1"), Sent("what nobody knows", b"\2\3")]

@@ -9,7 +9,7 @@ from pnfarm.protocols.profinet.wire.dcp.blocks import Block, ResponseBlock
 from pnfarm.protocols.profinet.wire.dcp.pdu import SERVICE_IDENTIFY, SERVICE_SET, TYPE_SUCCESS, parse_dcp
 from pnfarm.protocols.profinet.wire.records.iod import IOD_HEADER_SIZE, parse_write_response
 from pnfarm.protocols.profinet.wire.rpc.pdu import PacketType, PnioStatus, parse_response_args, parse_rpc, parse_status
-from tests.fuzz.pnet_base import Sent
+from tests.fuzz.pnet.base import Sent
 
 __all__ = ["answer_class"]
 

@@ -26,7 +26,7 @@ from pnfarm.protocols.profinet.wire.dcp.pdu import (
     frame_id_of,
 )
 from tests.fuzz.mutate import mutated
-from tests.fuzz.pnet_base import ADDRESS, NAME, Sent
+from tests.fuzz.pnet.base import ADDRESS, NAME, Sent
 
 __all__ = ["dcp_sequence", "set_address"]
 

@@ -26,9 +26,9 @@ from pnfarm.protocols.profinet.gsdml.planning import PlannedDevice
 from pnfarm.protocols.profinet.wire.dcp.pdu import IDENTIFY_MULTICAST
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
-from tests.fuzz.pnet_base import ADDRESS, CONTROLLER, MODULES, NAME, OWN, Caller, Sent
-from tests.fuzz.pnet_classes import answer_class
-from tests.fuzz.pnet_dcp import set_address
+from tests.fuzz.pnet.base import ADDRESS, CONTROLLER, MODULES, NAME, OWN, Caller, Sent
+from tests.fuzz.pnet.classes import answer_class
+from tests.fuzz.pnet.dcp import set_address
 from tests.interop.pnet_talk import answers
 
 __all__ = ["Ours", "PnetRig", "compared", "farm_text"]

@@ -23,9 +23,9 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
 )
 from tests.fuzz.malformed import deep_blocks
 from tests.fuzz.mutate import mutated
-from tests.fuzz.pnet_base import ROOM, Caller, Sent
-from tests.fuzz.pnet_connects import wrong_connect
-from tests.fuzz.pnet_dcp import dcp_sequence
+from tests.fuzz.pnet.base import ROOM, Caller, Sent
+from tests.fuzz.pnet.connects import wrong_connect
+from tests.fuzz.pnet.dcp import dcp_sequence
 
 __all__ = ["sequence"]
 
