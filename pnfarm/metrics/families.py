@@ -28,6 +28,12 @@ def escape(value: str) -> str:
     return value.replace("\\", "\\\\").replace("\n", "\\n").replace('"', '\\"')
 
 
+def _prefix(name: str, labels: dict[str, str]) -> str:
+    """What stands before a sample's value."""
+    inside = ",".join(f'{key}="{escape(value)}"' for key, value in labels.items())
+    return f"\n{name}{{{inside}}} " if inside else f"\n{name} "
+
+
 #: Series that one drive has at most, over all families.
 MOST_SERIES = 199
 #: Value of a bounded label when a drive has no room for another series.
@@ -78,7 +84,6 @@ class Family:
         self.documentation = documentation
         self.labels = tuple(labels)
         self._index: dict[tuple[str, ...], int] = {}
-        self._places: list[tuple[str, dict[str, str]]] = []
         self._prefixes: list[str] = []
         self._head = f"# HELP {name} {documentation}\n# TYPE {name} {kind}"
         self._last: Values | None = None
@@ -95,7 +100,7 @@ class Family:
         index = self._index.get(labels)
         if index is None:
             index = self._index[labels] = len(self._index)
-            self._add_samples(dict(zip(self.labels, labels, strict=True)))
+            self._prefixes += [_prefix(*sample) for sample in self._of_series(labels)]
             self._last = None
             if self._room is not None:
                 self._room.take(labels[self._drive], self.samples)
@@ -108,13 +113,9 @@ class Family:
             labels = tuple(OTHER if bounded else label for label, bounded in zip(labels, self._bounded, strict=True))
         return self.add(*labels) if index is None else index
 
-    def _add_samples(self, labels: dict[str, str]) -> None:
-        self._add_sample(self.name, labels)
-
-    def _add_sample(self, name: str, labels: dict[str, str]) -> None:
-        inside = ",".join(f'{key}="{escape(value)}"' for key, value in labels.items())
-        self._places.append((name, labels))
-        self._prefixes.append(f"\n{name}{{{inside}}} " if inside else f"\n{name} ")
+    def _of_series(self, values: tuple[str, ...]) -> list[tuple[str, dict[str, str]]]:
+        """Name and labels of each sample of a series, made when they are wanted: many drives have many of them."""
+        return [(self.name, dict(zip(self.labels, values, strict=True)))]
 
     def text(self, values: Values) -> str:
         """The family in exposition format, without a line end; as long as values stay, so does the text."""
@@ -132,8 +133,9 @@ class Family:
         """The family as prometheus_client's own object."""
         name = self.name.removesuffix("_total") if self.kind == "counter" else self.name
         metric = Metric(name, self.documentation, self.kind)
+        places = (place for series in list(self._index) for place in self._of_series(series))
         metric.samples = [
-            Sample(sample, labels, float(value)) for (sample, labels), value in zip(self._places, values, strict=False)
+            Sample(sample, labels, float(value)) for (sample, labels), value in zip(places, values, strict=False)
         ]
         return metric
 
@@ -156,12 +158,11 @@ class Histogram(Family):
         self.samples = len(self.edges_ns) + 3
         super().__init__(name, "histogram", documentation, labels, room=room, bounded=bounded)
 
-    def _add_samples(self, labels: dict[str, str]) -> None:
-        for edge in self.edges_ns:
-            self._add_sample(f"{self.name}_bucket", {**labels, "le": repr(edge / 1e9)})
-        self._add_sample(f"{self.name}_bucket", {**labels, "le": "+Inf"})
-        self._add_sample(f"{self.name}_sum", labels)
-        self._add_sample(f"{self.name}_count", labels)
+    def _of_series(self, values: tuple[str, ...]) -> list[tuple[str, dict[str, str]]]:
+        labels = dict(zip(self.labels, values, strict=True))
+        bounds = [*(repr(edge / 1e9) for edge in self.edges_ns), "+Inf"]
+        buckets = [(f"{self.name}_bucket", {**labels, "le": bound}) for bound in bounds]
+        return [*buckets, (f"{self.name}_sum", labels), (f"{self.name}_count", labels)]
 
     def values(self, buckets: Any, sums_ns: Any) -> Values:
         """The samples of counts per bucket, ``(series, edges + 1)`` integers, and of sums, ``(series,)``."""
