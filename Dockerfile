@@ -38,7 +38,7 @@ WORKDIR /
 RUN mkdir /opt/pnfarm/cache \
  && find /opt/pnfarm/lib -name '*.py' -exec touch --no-create --date=@1700000000 {} + \
  && /opt/pnfarm/bin/python -m compileall -q -f /opt/pnfarm/lib \
- && /opt/pnfarm/bin/python -m pnfarm.engine.warm \
+ && PYTHONHASHSEED=0 /opt/pnfarm/bin/python -m pnfarm.engine.warm \
  && rm -rf /opt/pnfarm/lib/python3*/site-packages/pnfarm/machine_code
 
 

@@ -31,10 +31,12 @@ class MachineCode(BuildHookInterface[WheelBuilderConfig]):
             return
         # removed when this object is: after the wheel was written
         self._folder = tempfile.TemporaryDirectory(prefix="pnfarm-code-")
-        subprocess.run(
-            [sys.executable, "-m", "pnfarm.engine.warm", "--copy-to", self._folder.name],
-            env={**os.environ, "PYTHONPATH": self.root, "PYTHONHASHSEED": "0"}, check=True,
-        )  # fmt: skip
+        # compiled anew with one order of hashes: the same octets each time
+        with tempfile.TemporaryDirectory(prefix="pnfarm-cache-") as cache:
+            subprocess.run(
+                [sys.executable, "-m", "pnfarm.engine.warm", "--copy-to", self._folder.name], check=True,
+                env={**os.environ, "PYTHONPATH": self.root, "PYTHONHASHSEED": "0", "NUMBA_CACHE_DIR": cache},
+            )  # fmt: skip
         build_data["force_include"][self._folder.name] = "pnfarm/machine_code"
         build_data["pure_python"] = False
         python = f"cp{sys.version_info.major}{sys.version_info.minor}"

@@ -8,7 +8,9 @@ drive's step, which the loops call by its address, and the impairment of frames 
 memory, in virtual time, comes last, and is left out where a farm is to start in real time (``--real-time``): what needs
 it compiles it later.  A bus with compiled code of its own has a module ``warm`` with a function of that name.
 
-It is for all processors of a level (:mod:`pnfarm.table.compiling.processor`).
+It is for all processors of a level (:mod:`pnfarm.table.compiling.processor`).  With ``PYTHONHASHSEED=0`` and an empty
+cache the code has the same octets each time; the two processes then run one after the other, as what one finds in the
+cache depends on how far the other one is.
 """
 
 from __future__ import annotations
@@ -132,8 +134,8 @@ def warm(progress: Callable[[int, int], None] | None = None, *, load: bool = Tru
 
 
 def _compile_in_processes(tell: Callable[[str], None], part: str) -> None:
-    """Both halves at once, or one after the other where there is one CPU."""
-    at_once = len(os.sched_getaffinity(0)) > 1
+    """Both halves at once, or one after the other where there is one CPU or the code is to be the same each time."""
+    at_once = len(os.sched_getaffinity(0)) > 1 and os.environ.get("PYTHONHASHSEED", "random") == "random"
     with contextlib.ExitStack() as stack:
         running: list[tuple[subprocess.Popen[str], threading.Thread]] = []
         for half in HALVES:
