@@ -195,6 +195,42 @@ def test_the_compiler_uses_no_instruction_beyond_the_level():
     assert not re.search("[yz]mm|vadd", code)
 
 
+MADE = """
+import numpy as np
+from pnfarm.table.compiling.compiled import compiled
+
+def made_for(factor):
+    @compiled
+    def scale(value):
+        return value * factor
+
+    @compiled
+    def add(values):
+        total = 0.0
+        for place in range(len(values)):
+            total += scale(values[place])
+        return total
+
+    return add
+
+assert [made_for(factor)(np.ones(3)) for factor in (2.0, 3.0)] == [6.0, 9.0]
+"""
+
+
+def test_the_same_sources_make_the_same_octets_of_machine_code_in_any_folder(tmp_path):
+    made = []
+    for name in ("one", "other"):
+        file = tmp_path / name / "beside" / "made.py"
+        file.parent.mkdir(parents=True)
+        file.write_text(MADE)
+        cache = tmp_path / name / "cache"
+        run = python(str(file), NUMBA_CACHE_DIR=str(cache), NUMBA_DISABLE_JIT="0", PYTHONHASHSEED="0")
+        assert run.returncode == 0, run.stderr
+        made.append({path.relative_to(cache): path.read_bytes() for path in sorted(cache.rglob("*.nb*"))})
+    assert made[0] == made[1]
+    assert len([path for path in made[0] if path.suffix == ".nbc"]) == 4, "each of the two has code for each factor"
+
+
 def test_a_farm_compiles_nothing_once_the_engine_is_warm(tmp_path):
     # most of the machine code is there, as after a change in one file
     copy_machine_code(tmp_path)
