@@ -19,7 +19,7 @@ from numba.core.registry import cpu_target
 
 from pnfarm.table.compiling import code_cache
 from pnfarm.table.compiling.code_cache import is_cached, mark_cached, take_packaged
-from pnfarm.table.compiling.compiled import IS_COMPILED, compiled
+from pnfarm.table.compiling.compiled import IS_COMPILED
 from pnfarm.table.compiling.processor import GENERIC, LEVEL, NEEDED, fitting
 
 SUPPORT = Path(__file__).resolve().parent / "support"
@@ -184,7 +184,8 @@ def test_the_compiler_uses_no_instruction_beyond_the_level():
     # what the code generator has, not what the settings say: it does not look at these again
     assert cpu_target.target_context.codegen().magic_tuple()[1:] == (level, "")
 
-    @compiled
+    # not kept, so that there is a text of it
+    @numba.njit
     def add(values, more):
         for place in range(len(values)):
             values[place] += more[place]

@@ -39,6 +39,7 @@ class InPlace:
         #: Number of the call that runs or ran last, and of the one that is to end.
         self._number = self._ending = 0
         self._limit_ns = 0
+        self._never = threading.Event()
         self._thread: threading.Thread | None = None
 
     @staticmethod
@@ -86,7 +87,7 @@ class InPlace:
         seen, looks = 0, 0
         while True:
             pause = max(LEAST_SECONDS, min(MOST_SECONDS, self._limit_ns / 4e9))
-            time.sleep(pause)
+            self._never.wait(pause)
             if self._number != seen or not self._runs:
                 seen, looks = self._number, 0
                 continue
