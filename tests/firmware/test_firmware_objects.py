@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bench_axis import BenchAxis
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pnfarm.table.axis_codes import OBJECT_CONTROL_UNIT, OBJECT_ENCODER, OBJECT_INFEED
@@ -54,6 +54,7 @@ def test_an_infeed_that_is_switched_on_at_once_stays_inhibited():
         max_size=8,
     )
 )
+@example([(OFF, 1), (ON, 1), (0, 1), (0x07FF, 8), (OFF, 1)])
 def test_whatever_an_infeed_is_told_it_is_ready_only_when_charged(words):
     infeed = Object(OBJECT_INFEED)
     for word, run in [*words, (OFF, 2), (ON, 10), (ENABLED, 2)]:

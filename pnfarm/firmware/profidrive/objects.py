@@ -30,6 +30,8 @@ INFEED_CONTROL = 0x048B
 STATELESS_CONTROL = 0x0080 | CONTROL_BY_PLC
 #: Of ZSW1 in E_ZSW1: without quick stop and the bits of the speed.
 INFEED_STATUS = 0x02DF
+#: Its bits that need a charged DC link.
+READY_OR_IN_OPERATION = 0x0006
 CHARGED, CONTACTOR_CLOSED = 0x0800, 0x1000
 #: Of ZSW1 in ZSW2_ENC, and in CU_ZSW1.
 ENCODER_STATUS, UNIT_STATUS = 0x0288, 0x0088
@@ -80,7 +82,8 @@ def infeed_status(profidrive: Any, word: int, now: int) -> int:
     word &= INFEED_STATUS
     if profidrive.contactor_ns != 0:
         word |= CONTACTOR_CLOSED
-    return word | CHARGED if _charged(profidrive, now) else word
+    # the contactor opens in the step that orders it, the state follows in the next one
+    return word | CHARGED if _charged(profidrive, now) else word & ~READY_OR_IN_OPERATION
 
 
 @inlined
