@@ -101,7 +101,7 @@ in_place = InPlace()
 
 
 class _Insistence:
-    """Raises :class:`Interrupted` in a call that is to end, at about every other step of the interpreter from now on.
+    """Raises :class:`Interrupted` in a call that is to end, at most steps of the interpreter from now on.
 
     Not at each: where a step ends a handler, some versions take the exception for one of the code that it handles.
     The interpreter makes a pending call between two instructions, never within another pending one, so that this can

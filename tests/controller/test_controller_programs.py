@@ -242,6 +242,7 @@ def test_an_exception_stops_its_axis_alone_with_its_line_told_once(tmp_path):
         assert rig.failure("axis-02") == ""
 
 
+#: Calls that would not return: each is ended or left behind, so none of them makes a test wait.
 ENDLESS = {
     "a loop": "while True: pass",
     "a wait": "import time; time.sleep(3600)",

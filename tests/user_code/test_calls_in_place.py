@@ -57,7 +57,7 @@ def test_a_call_that_ends_by_itself_behind_the_limit_has_exceeded_it(caller):
         end = time.monotonic() + 0.3
         while time.monotonic() < end:
             with suppress(BaseException):
-                time.sleep(0.01)
+                time.sleep(0.01)  # a wait in the kernel is what the signal breaks
 
     (late, right), stuck = run(caller, patient, lambda: None)
     assert stuck == [late]
@@ -68,10 +68,12 @@ def test_a_call_that_ends_by_itself_behind_the_limit_has_exceeded_it(caller):
 def test_the_signal_without_a_call_does_nothing(caller):
     run(caller, lambda: None)
     os.kill(os.getpid(), SIGNAL)
+    # a wait in the kernel, which a signal that came late would break
     assert not run(caller, lambda: time.sleep(0.01))[1]
 
 
 def test_a_machine_that_stands_for_longer_than_the_limit_is_not_the_calls_fault():
+    # the call waits while its process is stopped
     code = (
         "import time\n"
         "from pnfarm.user_code.caller import Caller\n"

@@ -207,7 +207,7 @@ class PnetRig:
                 return True
             if time.monotonic() > end:
                 return False
-            time.sleep(0.05)
+            time.sleep(0.05)  # it has no sign by which it says that it is back
         return False
 
     def answers(self, sequence: list[Sent]) -> list[str]:
