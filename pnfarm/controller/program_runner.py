@@ -1,7 +1,7 @@
 """Calls the users' programs of a controller's axes, each once a cycle, and puts what they write into the telegrams.
 
-No clock and no task of its own: :meth:`ProgramRunner.service` makes the calls that are due, in virtual time from the
-world, in real time from a thread (:class:`pnfarm.controller.program_thread.ProgramThread`).
+No clock and no task of its own: :meth:`ProgramRunner.service` makes the calls that are due in virtual time; in real
+time a thread makes those of :meth:`ProgramRunner.work` (:class:`pnfarm.user_code.thread.CodeThread`).
 A program that raises, or that takes longer than the limit, is not called again; its axis gets OFF1 and no set points,
 and its sign of life goes on, so that the drive stops along its ramp.
 """
@@ -24,14 +24,15 @@ from pnfarm.table.access.record_fields import field_views
 from pnfarm.table.channel import IDLE, OPEN
 from pnfarm.table.signals import STW2
 from pnfarm.user_code.caller import Caller
+from pnfarm.user_code.calling_thread import Call
 from pnfarm.user_code.file import error_text, place_of
-from pnfarm.user_code.worker import Call
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from pnfarm.controller.group import ControlledDevice, Controllers
     from pnfarm.engine.columns import Columns
+    from pnfarm.user_code.thread import Work
 
 __all__ = ["Note", "ProgramFailed", "ProgramLate", "ProgramRunner"]
 
@@ -195,14 +196,14 @@ class ProgramRunner:
         self._note = note
         self._controllers = controllers
         self._carry = carry
-        self._limit_ns = limit_ns
+        self.limit_ns = limit_ns
         self._in_real_time = in_real_time
         self._call_ns = call_ns
         #: When the processor that all axes with a connection share is free again; only with ``call_ns``.
         self._busy_until_ns = 0
         #: End of the cycle that is missed.
         self._missing_until_ns = 0
-        self._caller = Caller(in_place=not in_real_time)
+        self._caller = Caller()
         self.line = Line(controllers.line_devices())
         self._axes = [
             _Axis(each, kind, self.line) for each in controllers.programmed() if each.device.signals is not None
@@ -220,6 +221,11 @@ class ProgramRunner:
 
     def service(self, now: int) -> None:
         """Make the calls that are due."""
+        for calls in self.work(now):
+            self._caller.run(calls, self.limit_ns)
+
+    def work(self, now: int) -> Work:
+        """The calls that are due."""
         due = [axis for axis in self._axes if axis.due_ns <= now]
         if not due:
             return
@@ -237,7 +243,7 @@ class ProgramRunner:
             axis.program.now_ns = now
             axis.program.began_ns = axis.program.began_ns or now
         self.line.take()
-        self._call(waiting, now)
+        yield from self._call(waiting, now)
         self.line.give()
         self._begin_records(waiting, now)
         for axis in called:
@@ -302,14 +308,13 @@ class ProgramRunner:
         axis.told = axis.missed
         self._note(now, axis.name, ProgramLate(axis.longest_ns / 1e9, axis.cycle_ns / 1e9, axis.missed))
 
-    def _call(self, axes: Sequence[_Axis], now: int) -> None:
+    def _call(self, axes: Sequence[_Axis], now: int) -> Iterator[Sequence[Call]]:
         calls = [Call(partial(axis.program.cycle, axis.inputs, axis.outputs, now)) for axis in axes]
-        for stuck in self._caller.run(calls, self._limit_ns):
-            axis = axes[calls.index(stuck)]
-            text = f"cycle() did not return within {self._limit_ns / 1e9:g} s"
-            self._fail(axis, text, type(axis.program).cycle.__code__.co_filename, _first_line(axis.program), now)
+        yield calls
         for axis, call in zip(axes, calls, strict=True):
             if call.duration_ns is None:
+                text = f"cycle() did not return within {self.limit_ns / 1e9:g} s"
+                self._fail(axis, text, type(axis.program).cycle.__code__.co_filename, _first_line(axis.program), now)
                 continue
             axis.calls += 1
             axis.longest_ns = max(axis.longest_ns, call.duration_ns)

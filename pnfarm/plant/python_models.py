@@ -1,8 +1,8 @@
 """Models in Python: each stepped at its own time, between the values of its ports.
 
-No clock and no task of its own: :meth:`PythonModels.service` makes the steps that are due, in virtual time with the
-farm's deadlines, in real time from a thread of their own.  A model that raises, or does not return, is not called
-again; its outputs stay.
+No clock and no task of its own: :meth:`PythonModels.service` makes the steps that are due in virtual time, with the
+farm's deadlines; in real time a thread of their own makes the calls of :meth:`PythonModels.work`.
+A model that raises, or does not return, is not called again; its outputs stay.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from pnfarm.plant.events import PlantModelFailed, PlantModelLate
 from pnfarm.plant.python_file import ModelClass
 from pnfarm.plant.python_state import check_state, put_state, state_of
 from pnfarm.user_code.caller import Caller
+from pnfarm.user_code.calling_thread import Call
 from pnfarm.user_code.file import error_text, place_of, placed
-from pnfarm.user_code.worker import Call
 from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from pnfarm.plant.plan import PlannedModel
     from pnfarm.station.event import Event
+    from pnfarm.user_code.thread import Work
 
 __all__ = ["PythonModels", "is_reported"]
 
@@ -91,6 +92,8 @@ class PythonModels:
     ``late(now, ns)``: in real time, takes how late a step was; None in virtual time.
     """
 
+    limit_ns = LIMIT_NS
+
     def __init__(
         self,
         models: Iterable[PlannedModel],
@@ -102,7 +105,7 @@ class PythonModels:
         self._models = [_Model(one, values) for one in models]
         self._note = note
         self._late = late
-        self._caller = Caller(in_place=late is None)
+        self._caller = Caller()
         #: Who calls models: their thread, or who saves or restores them.
         self._calling = threading.Lock()
 
@@ -120,17 +123,19 @@ class PythonModels:
 
     def service(self, now: int) -> None:
         """Make the steps that are due."""
-        with self._calling:
-            self._step(now)
+        for calls in self.work(now):
+            self._caller.run(calls, self.limit_ns)
 
-    def _step(self, now: int) -> None:
-        due = [model for model in self._models if not model.failure and model.due_ns <= now]
-        if not due:
-            return
-        calls = [Call(partial(model.step, (now - model.last_ns) / 1e9)) for model in due]
-        stuck = self._caller.run(calls, LIMIT_NS)
-        for model, call in zip(due, calls, strict=True):
-            self._done(model, call, now, gone=call in stuck)
+    def work(self, now: int) -> Work:
+        """The steps that are due."""
+        with self._calling:
+            due = [model for model in self._models if not model.failure and model.due_ns <= now]
+            if not due:
+                return
+            calls = [Call(partial(model.step, (now - model.last_ns) / 1e9)) for model in due]
+            yield calls
+            for model, call in zip(due, calls, strict=True):
+                self._done(model, call, now)
 
     def states(self) -> tuple[dict[str, Any], list[str]]:
         """The state of each by name, and a sentence for whatever is not in it.  Raises :class:`ConfigError`."""
@@ -173,10 +178,10 @@ class PythonModels:
         if not self._calling.acquire(timeout=LIMIT_NS / 1e9):
             raise ConfigError(f"plant model {model.name} cannot be {what}: it is busy")
         try:
-            stuck = self._caller.run([call], LIMIT_NS)
+            self._caller.run([call], LIMIT_NS)
         finally:
             self._calling.release()
-        if stuck or call.error is not None:
+        if call.duration_ns is None or call.error is not None:
             why = error_text(call.error) if call.error is not None else f"no return within {LIMIT_NS / 1e9:g} s"
             raise ConfigError(f"plant model {model.name} cannot be {what}: {why}")
         return found[0]
@@ -197,17 +202,16 @@ class PythonModels:
             for model in self._models
         }
 
-    def _done(self, model: _Model, call: Call, now: int, *, gone: bool) -> None:
+    def _done(self, model: _Model, call: Call, now: int) -> None:
         model.steps += 1
         model.last_ns = now
         model.due_ns += model.step_ns
-        if gone:
+        if call.duration_ns is None:
             self._fail(model, f"no return within {LIMIT_NS / 1e9:g} s", str(model.file), 0, now)
         elif call.error is not None:
             file, line = place_of(call.error, str(model.file))
             self._fail(model, error_text(call.error), file, line, now)
         elif self._late is not None:
-            assert call.duration_ns is not None
             self._late(now, now + call.duration_ns - (model.due_ns - model.step_ns))
             model.longest_ns = max(model.longest_ns, call.duration_ns)
             if model.due_ns <= now:

@@ -1,4 +1,4 @@
-"""Calls people's code: by a thread in real time, in the main thread in virtual time where that is possible."""
+"""Calls people's code for one that waits: in its own thread if that is the main thread, else by another."""
 
 from __future__ import annotations
 
@@ -10,27 +10,23 @@ from pnfarm.user_code.worker import Worker
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.user_code.worker import Call
+    from pnfarm.user_code.calling_thread import Call
 
 __all__ = ["Caller"]
 
 
 class Caller:
-    """Makes calls in turn.  A call that does not return is left to its thread, and the next ones get a new one.
+    """Makes calls in turn.  One that does not return is ended, or left to its thread; the next ones are made then."""
 
-    ``in_place``: call in the caller's own thread if that is the main thread, which is faster.
-    """
-
-    def __init__(self, *, in_place: bool) -> None:
-        self._in_place = in_place
+    def __init__(self) -> None:
         self._worker = Worker()
         self._abandoned: list[Worker] = []
 
-    def run(self, calls: Sequence[Call], limit_ns: int) -> list[Call]:
-        """Make the calls and wait; those that exceeded the limit."""
-        if self._in_place and main_thread.is_possible():
-            return main_thread.run(calls, limit_ns)
-        stuck: list[Call] = []
+    def run(self, calls: Sequence[Call], limit_ns: int) -> None:
+        """Make the calls and wait."""
+        if main_thread.is_possible():
+            main_thread.run(calls, limit_ns)
+            return
         begun = 0
         while begun < len(calls):
             late = self._worker.run(calls[begun:], limit_ns)
@@ -38,9 +34,7 @@ class Caller:
                 break
             self._abandoned.append(self._worker)
             self._worker = Worker()
-            stuck.append(late)
             begun = calls.index(late) + 1
-        return stuck
 
     def close(self) -> None:
         """End the threads; one that waits in the kernel ends with the process."""

@@ -13,60 +13,63 @@ import signal
 import sys
 import threading
 import time
+from functools import partial
 from typing import TYPE_CHECKING
 
-from pnfarm.user_code.worker import Call, Interrupted
+from pnfarm.user_code.calling_thread import Interrupted
+from pnfarm.user_code.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import FrameType
 
+    from pnfarm.user_code.calling_thread import Call
+
 __all__ = ["SIGNAL", "in_place"]
 
 #: Of the real-time signals, which nothing sends by itself; its default is to end the process.
 SIGNAL = signal.SIGRTMAX - 1
-#: Shortest and longest time between two looks.
-LEAST_SECONDS, MOST_SECONDS = 0.001, 0.05
 #: Of the pending calls that raise: the interpreter makes up to 32 at one step.
 SHARE = 1 / 32
 
 
 class InPlace:
-    """The calls of one process: one at a time, as there is one main thread.  Its thread is started by the first."""
+    """The calls of one process: one at a time, as there is one main thread.  The watch is started by the first."""
 
     def __init__(self) -> None:
-        self._runs = False
-        #: Number of the call that runs or ran last, and of the one that is to end.
-        self._number = self._ending = 0
-        self._limit_ns = 0
-        self._never = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._watch: Watch | None = None
+        #: The call that exceeded the limit last.
+        self._ending: Call | None = None
 
     @staticmethod
     def is_possible() -> bool:
         """Whether this is the main thread, in which alone a signal can raise something."""
         return threading.get_ident() == threading.main_thread().ident
 
-    def run(self, calls: Sequence[Call], limit_ns: int) -> list[Call]:
-        """Make the calls in turn; those that exceeded the limit."""
-        self._limit_ns = limit_ns
-        if self._thread is None or not self._thread.is_alive():
+    def run(self, calls: Sequence[Call], limit_ns: int) -> None:
+        """Make the calls in turn."""
+        watch = self._watch
+        if watch is None or not watch.is_alive:
             # not alive behind a fork
             signal.signal(SIGNAL, _take_signal)
-            self._thread = threading.Thread(target=self._look, args=(threading.get_ident(),), name="pnfarm calls")
-            self._thread.daemon = True
-            self._thread.start()
-        return [call for call in calls if not self._one(call)]
+            watch = self._watch = Watch(partial(self._end, threading.get_ident()), "pnfarm calls")
+        watch.limit_ns = limit_ns
+        for call in calls:
+            self._make(call, watch)
 
     def is_to_end(self, frame: FrameType) -> bool:
         """Whether a call runs that lasts too long, and ``frame`` is of people's code."""
-        return self._runs and self._ending == self._number and frame.f_code is not InPlace._one.__code__
+        watch, ending = self._watch, self._ending
+        return (
+            watch is not None
+            and ending is not None
+            and watch.running is ending
+            and frame.f_code is not InPlace._make.__code__
+        )
 
-    def _one(self, call: Call) -> bool:
-        """False if the call took too long, however it ended then."""
-        self._number += 1
+    def _make(self, call: Call, watch: Watch) -> None:
         call.began_ns = time.perf_counter_ns()
-        self._runs = True
+        watch.running = call
         try:
             call.action()
         except KeyboardInterrupt:
@@ -75,26 +78,17 @@ class InPlace:
         except BaseException as exc:  # noqa: BLE001 - people's code may raise anything; it is reported
             call.error = exc
         finally:
-            self._runs = False
-        if self._ending == self._number:
+            watch.running = None
+        if self._ending is call:
+            # however it ended then
             call.error = None
-            return False
+            return
         call.duration_ns = time.perf_counter_ns() - call.began_ns
-        return True
 
-    def _look(self, caller: int) -> None:
-        """The thread: counts its looks at one call, so that a machine that stands for a while counts as one."""
-        seen, looks = 0, 0
-        while True:
-            pause = max(LEAST_SECONDS, min(MOST_SECONDS, self._limit_ns / 4e9))
-            self._never.wait(pause)
-            if self._number != seen or not self._runs:
-                seen, looks = self._number, 0
-                continue
-            looks += 1
-            if looks * pause * 1e9 >= self._limit_ns:
-                self._ending = seen
-                signal.pthread_kill(caller, SIGNAL)
+    def _end(self, caller: int, call: Call) -> None:
+        """In the thread of the watch."""
+        self._ending = call
+        signal.pthread_kill(caller, SIGNAL)
 
 
 in_place = InPlace()

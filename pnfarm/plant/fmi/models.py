@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from pnfarm.plant.plan import PlannedModel
     from pnfarm.station.event import Event
+    from pnfarm.user_code.thread import Work
 
 __all__ = ["FmuModels"]
 
@@ -103,6 +104,8 @@ class FmuModels:
     ``late(now, ns)``: in real time, takes how late a step was; None in virtual time.
     """
 
+    limit_ns = STEP_NS
+
     def __init__(
         self,
         models: Iterable[PlannedModel],
@@ -147,6 +150,11 @@ class FmuModels:
                         self._turn(fmu, now)
                     except FmuFailure as failure:
                         self._failed(fmu, failure, now)
+
+    def work(self, now: int) -> Work:
+        """In a thread of their own: the same, without a call in this process."""
+        self.service(now)
+        return iter(())
 
     def _failed(self, fmu: _Fmu, failure: FmuFailure, now: int) -> None:
         fmu.fail(str(failure))
