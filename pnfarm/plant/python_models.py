@@ -113,10 +113,14 @@ class PythonModels:
         return len(self._models)
 
     def start(self, now: int) -> None:
-        """The first step of each is a step from now."""
+        """The first step of each is a step from now.
+
+        In real time its grid is that of its step, as the engine's is: the thread wakes when the engine does, which costs
+        less than a wake-up of its own.
+        """
         for model in self._models:
             model.last_ns = now
-            model.due_ns = now + model.step_ns
+            model.due_ns = now + model.step_ns - (0 if self._late is None else now % model.step_ns)
 
     def next_deadline(self) -> int | None:
         return min((model.due_ns for model in self._models if not model.failure), default=None)
@@ -169,7 +173,8 @@ class PythonModels:
                     self._called(earlier, "restored", partial(put_state, earlier.model, before[earlier.name]))
                 raise
         for model in self._models:
-            model.last_ns, model.due_ns, model.failure = now, now + model.step_ns, ""
+            model.failure = ""
+        self.start(now)
 
     def _called(self, model: _Model, what: str, action: Callable[[], _T]) -> _T:
         """The result of a model's own code; raises :class:`ConfigError`."""
