@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import os
 import sys
 import time
 import traceback
@@ -23,10 +24,12 @@ from pathlib import Path
 from random import Random
 from typing import NoReturn
 
+import numba
+
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests" / name) for name in ("support", "faults", "protocols/enip", "interop")]
 
-from tests.fuzz import campaign, differential, guided, running, storms
+from tests.fuzz import campaign, differential, engine, guided, running, storms
 from tests.fuzz.corpus import gather
 from tests.fuzz.machines import MACHINES
 from tests.fuzz.machines_enip import ENIP, enip_layers
@@ -206,6 +209,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--turn", type=int, help="this turn of each target alone, to repeat a failure")
     parser.add_argument("--list", action="store_true", help="name the targets and stop")
     parser.add_argument("--guided", action="store_true", help="guided by coverage; needs atheris")
+    parser.add_argument("--engine", action="store_true", help="changed cyclic frames for the compiled engine")
     against = "compare with another implementation, by layer; may be given more than once"
     parser.add_argument("--against", choices=differential.PEERS, action="append", help=against)
     parser.add_argument("--opener", metavar="PATH", help="with --against opener: its program")
@@ -235,6 +239,11 @@ def main() -> int:
         return 0
     if options.guided:
         return guided.main(options)
+    if options.engine:
+        if not numba.config.BOUNDSCHECK:
+            os.environ["NUMBA_BOUNDSCHECK"] = "1"
+            os.execv(sys.executable, [sys.executable, "-m", "tests.fuzz", *sys.argv[1:]])
+        return engine.main(options)
     if options.running:
         return running.main(options)
     if options.storms:
