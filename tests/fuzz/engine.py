@@ -2,8 +2,8 @@
 
 A farm of all models on networks and its controllers in memory, connected.  Each round one table sends its frames;
 copies of them, most of them changed, are what the other one receives, which then makes a tick: so changed set points
-reach the drives' firmware.  Each chunk of rounds is made twice from the same state, with other octets behind the ends of the
-frames, and what must hold afterwards:
+reach the drives' firmware.  Each chunk of rounds is made twice from the same state, with other octets behind the ends
+of the frames.  What must hold afterwards:
 
 - no index left its array: the engine is compiled with checks for this;
 - both times came to the same octets, so that nothing behind a frame's end is looked at;
