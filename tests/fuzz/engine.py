@@ -318,32 +318,36 @@ class Chunks:
                 assert not np.isnan(value).any(), f"axis.{key} is not a number"
 
 
+def _connected(impairments: tuple[dict[str, Any], ...]) -> list[Chunks]:
+    """All sides of a farm, its drives of one number with one of the ``impairments``."""
+    line = Line.from_text(FARM)
+    line.run(3.0)
+    for number, impairment in enumerate(impairments, 1):
+        line.inject(on=f"*-{number}", seed=number, **impairment)
+    found = sides(line)
+    for side in found:
+        side.name += " with impairments" if impairments else ""
+    return [Chunks(side, line.now_ns, counted=not impairments) for side in found]
+
+
 def main(options: argparse.Namespace) -> int:
     if not numba.config.BOUNDSCHECK:
         print("the engine is compiled without checks of bounds: NUMBA_BOUNDSCHECK=1 is needed", file=sys.stderr)
         return 2
     began = reported = time.monotonic()
-    done, turn = 0, 0
-    chunks = []
-    for impaired in (False, True):
-        line = Line.from_text(FARM)
-        if impaired:
-            for number, impairment in enumerate(IMPAIRMENTS):
-                on = f"*-{number + 1}"
-                line.inject(impairment.pop("kind"), on=on, **impairment)
-        line.run(3.0)
-        for side in sides(line):
-            side.name += " with impairments" if impaired else ""
-            chunks.append(Chunks(side, line.now_ns, counted=not impaired))
-            print(f"{side.name}: frames of {len(side.rows)} connections", file=sys.stderr, flush=True)
+    done, turn = 0, options.turn or 0
+    chunks = _connected(()) + _connected(IMPAIRMENTS)
+    for one in chunks:
+        print(f"{one.side.name}: frames of {len(one.side.rows)} connections", file=sys.stderr, flush=True)
     while done < options.count and (options.seconds is None or time.monotonic() - began < options.seconds):
         which = chunks[turn % len(chunks)]
-        number = options.turn if options.turn is not None else turn
         try:
-            done += which.make((options.seed << 32) + (number << 8), ROUNDS)
+            done += which.make((options.seed << 32) + (turn << 8), ROUNDS)
         except (AssertionError, IndexError) as exc:
-            print(f"failed: {which.side.name}, turn {number}, seed {options.seed}: {exc}", file=sys.stderr)
+            print(f"failed: {which.side.name}, turn {turn}, seed {options.seed}: {exc}", file=sys.stderr)
             return 1
+        if options.turn is not None:
+            break
         turn += 1
         now = time.monotonic()
         if now - reported > REPORT_SECONDS:
