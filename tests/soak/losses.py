@@ -16,6 +16,8 @@ __all__ = ["GRACE_SECONDS", "HARMLESS", "Losses"]
 
 #: A connection may break so long after its reason ended: a contested address is probed for up to 13 s.
 GRACE_SECONDS = 15.0
+#: A controller gives a connection up so long after it ran again: a call's, an alarm's or a frame's time is over.
+BEHIND_SECONDS = 3.0
 #: Entries of one moment.
 SAME_SECONDS = 0.05
 UNEXPLAINED = "unexplained"
@@ -108,6 +110,13 @@ class Losses:
             self.by_reason[what] += 1
             if station in self.away:
                 self.away[station] = self.away[station][0], what
+
+    def stood(self, what: str, begin: float, seconds: float) -> None:
+        """What runs the stations did not run itself, which is known only now: the reason of what has none."""
+        for one in [one for one in self._without if begin <= one[1] <= begin + seconds + BEHIND_SECONDS]:
+            self._without.remove(one)
+            self.by_reason[UNEXPLAINED] -= 1
+            self.by_reason[what] += 1
 
     @property
     def unexplained(self) -> list[str]:

@@ -41,6 +41,8 @@ DISTURB_SECONDS, HUB_SECONDS = 40.0, 8.0
 #: What a side may hold more of at the end: connections of HTTP and workers of a pool come and go.
 SLACK = {"threads": 8, "files": 12, "garbage": 0, "replies kept": 1 << 30, "calls": 0, "searches": 0, "traces": 0,
          "fault timers": 0, "log subscribers": 8, "faults known": 1 << 30, "streams": 0}  # fmt: skip
+#: Losses without a reason whose controller is asked.
+MOST_KEPT = 50
 #: Tasks that serve requests and streams: they come and go.
 PASSING_TASKS = (
     "RequestResponseCycle",
@@ -369,6 +371,7 @@ class RealRun:
         newest = self._newest()
         self._until("the stream has caught up", 30.0, lambda: self.stream.last >= newest)
         self._until("every station is back in the stream", 30.0, lambda: not self.losses.away)
+        self._take_pauses()
         with self.lock:
             self.stream.resumed = self.readers[0].resumed
             self.stream.wrong += self.readers[0].broken
@@ -405,8 +408,26 @@ class RealRun:
             sample[f"{name} tasks"] = sum(_lasting(process["tasks"]).values())
             sample[f"{name} rows"] = rows(noted["holds"])
         self.samples.append(sample)
+        self._take_pauses()
+
+    def _take_pauses(self) -> None:
+        """When a controller's process did not run: a reason for what it lost."""
+        with self.lock:
+            for name, losses in (("controller", self.losses), ("line controller", self.line_losses)):
+                for begin, seconds in self.sides[name].stood() if name in self.sides else ():
+                    losses.stood(f"the {name} did not run", begin, seconds)
+
+    def _keep_unexplained(self) -> None:
+        """What the controller has to say to losses without a reason."""
+        lines = list(self.sides["controller"].log.last)
+        for lost in self.losses.unexplained:
+            station = lost.partition(" ")[0]
+            said = [line for line in lines if f'"{station}' in line]
+            if said and len(self.closer) < MOST_KEPT and not any(one.get("lost") == lost for one in self.closer):
+                self.closer.append({"lost": lost, "controller": said[-20:]})
 
     def _tell(self) -> None:
+        self._keep_unexplained()
         newest, first = self.samples[-1], self.samples[0]
         spent = newest["seconds"] - first["seconds"]
         used = sum(newest[f"{name} cpu"] - first[f"{name} cpu"] for name in self.sides)

@@ -39,7 +39,7 @@ class Side:
         self.log = LogReader()
         self.before: dict[str, Any] | None = None
         self._arguments = list(map(str, arguments))
-        self._spent = 0.0
+        self._spent = self._asked = 0.0
         self.start()
 
     def start(self) -> None:
@@ -91,6 +91,15 @@ class Side:
                 return found
             time.sleep(0.2)
         raise SoakError(f"the {self.name} has noted nothing for {STOP_SECONDS:g} s")
+
+    def stood(self) -> list[tuple[float, float]]:
+        """When it did not run, by the wall clock, and for how long: all that it noted and that was not asked yet."""
+        if not self.notes.exists():
+            return []
+        notes = [json.loads(line) for line in self.notes.read_bytes().split(b"\n")[:-1]]
+        new = [note for note in notes if note["at"] > self._asked]
+        self._asked = max((note["at"] for note in new), default=self._asked)
+        return [(begin, seconds) for note in new for begin, seconds in note["stood"]]
 
     def paused(self, since: float, until: float) -> float:
         """The longest time between two notes in a time of the wall clock: so long the process did not run."""

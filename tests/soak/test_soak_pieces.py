@@ -282,6 +282,15 @@ def test_a_loss_that_the_farm_owns_up_to_is_its_machines():
     assert losses.by_reason == {"the farm was late": 1}
 
 
+def test_a_loss_when_the_controller_did_not_run_is_its_machines():
+    losses = losses_of(LOST, BACK)
+    losses.stood("the controller did not run", 4.0, 1.0)
+    assert verdicts(losses) == [False, True]
+    losses.stood("the controller did not run", 9.9, 0.5)
+    assert verdicts(losses) == [True, True]
+    assert +losses.by_reason == {"the controller did not run": 1}
+
+
 # -- report
 
 

@@ -18,6 +18,8 @@ from typing import Any
 from tests.soak.holdings import of_controllers, of_farm, of_hub, of_process
 
 _PR_SET_PDEATHSIG = 1
+#: Between two looks at the clock, and what a look may be late.
+LOOK_SECONDS, STOOD_SECONDS = 0.1, 0.25
 #: Objects of the program, noted when it makes them.
 _made: dict[str, Any] = {}
 
@@ -48,20 +50,33 @@ def _note_cores(command: str) -> None:
         kind.open = opening
 
 
+def _stood(seconds: float) -> list[list[float]]:
+    """Let so many seconds pass; when the process did not run meanwhile, and for how long each time."""
+    found = []
+    end = time.monotonic() + seconds
+    while (now := time.monotonic()) < end:
+        time.sleep(LOOK_SECONDS)
+        if (late := time.monotonic() - now - LOOK_SECONDS) >= STOOD_SECONDS:
+            found.append([time.time() - late, late])
+    return found
+
+
 def _write(file: Path, seconds: float) -> None:
+    stood: list[list[float]] = []
     with file.open("w", encoding="utf-8", buffering=1) as out:
         while True:
-            time.sleep(seconds)
+            stood += _stood(seconds)
             loop = _made.get("loop")
             if loop is None:
                 continue
             try:
                 held = _made["count"]()
-                line = {"at": time.time(), "process": of_process(loop), "holds": held}
+                line = {"at": time.time(), "process": of_process(loop), "holds": held, "stood": stood}
             except RuntimeError:
                 # a container changed while it was counted: the next time will do
                 continue
             out.write(json.dumps(line) + "\n")
+            stood = []
 
 
 def main() -> None:
