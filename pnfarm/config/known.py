@@ -277,7 +277,11 @@ def _find(name: str) -> ModelFacts | None:
     return None
 
 
-@cache
 def catalogue(fault_kinds: Collection[str] | None = None) -> Known:
     """The installed drive models; a caller that has the fault catalogue passes the fault kinds."""
-    return Known(tuple(drives.models()), _find, fault_kinds)
+    return _catalogue(tuple(drives.models()), fault_kinds)
+
+
+@cache
+def _catalogue(models: tuple[str, ...], fault_kinds: Any) -> Known:
+    return Known(models, _find, fault_kinds)
