@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from pnfarm.config.axis import axis_complaints
 from pnfarm.config.realism import missing_figures
@@ -26,7 +26,7 @@ from pnfarm.firmware.axis import AXIS
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 
     from pnfarm.config.axis import Load, Motor
     from pnfarm.config.realism import Realism
@@ -279,7 +279,7 @@ def _find(name: str) -> ModelFacts | None:
 
 def catalogue(fault_kinds: Collection[str] | None = None) -> Known:
     """The installed drive models; a caller that has the fault catalogue passes the fault kinds."""
-    return _catalogue(tuple(drives.models()), fault_kinds)
+    return _catalogue(tuple(drives.models()), cast("Hashable", fault_kinds))
 
 
 @cache
