@@ -10,6 +10,7 @@ ARG BASE=debian:bookworm-slim
 FROM ${BASE} AS build
 ARG PIP_CERT
 ARG PIP_INDEX_URL
+ARG SOURCE_DATE_EPOCH
 RUN apt-get update \
  && apt-get install -y --no-install-recommends ca-certificates python3 python3-venv \
  && rm -rf /var/lib/apt/lists/*
@@ -47,7 +48,8 @@ LABEL org.opencontainers.image.title="pnfarm" \
       org.opencontainers.image.description="A farm of virtual servo drives that a real PLC can run" \
       org.opencontainers.image.licenses="GPL-2.0-or-later"
 # Programs that run with more rights than their caller's have no use here: nobody logs in.  Logs and caches of the
-# installation differ in each build.
+# installation differ in each build.  The time of the commit, if given, is the day on which the user was made.
+ARG SOURCE_DATE_EPOCH
 RUN apt-get update \
  && apt-get install -y --no-install-recommends python3 \
  && rm -rf /var/lib/apt/lists/* \

@@ -29,7 +29,7 @@ APART := "cm-ethernetip<0.2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-annotate --custom-compile-command "make lock"
 
-.PHONY: demo test newest lint docs install fuzz soak strangers bench release-check wheel reproducible sbom audit lock clean
+.PHONY: demo test newest lint docs install fuzz soak strangers bench release-check wheel reproducible image sbom audit lock clean
 
 demo: $(STAMP)
 	@$(BIN)/pnfarm demo $(ARGS)
@@ -77,6 +77,11 @@ wheel: $(STAMP)
 
 reproducible: $(STAMP)
 	$(BIN)/python release/archives.py --twice $(ARGS)
+
+# the last commit's image by the Docker engine of this machine, in dist/, the same octets wherever it is built;
+# ARGS=--twice builds a second time and compares
+image: $(STAMP)
+	$(BIN)/python release/image.py $(ARGS)
 
 # what an installation is made of, and its terms, in dist/
 sbom: $(RELEASE_STAMP)

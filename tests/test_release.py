@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 import subprocess
 import sys
+import tarfile
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import advisories
 import archives
 import audit
+import image
 import licenses
 import pytest
 from locked import Locked, entries
@@ -79,6 +82,92 @@ def test_what_is_not_committed_is_in_no_archive(tmp_path, capsys):
     assert archives.main(["--root", str(root), "--out", str(tmp_path / "out"), "--target", "wheel"]) == 0
     assert "1 changed or new files are not in it" in capsys.readouterr().err
     assert "thing/secret.py" not in archives.parts(tmp_path / "out" / "thing-1.0-py3-none-any.whl")
+
+
+def layer_of(members: list[tuple[str, bytes | str]], later: int) -> bytes:
+    """A layer: name and content of each file, or the file that a hard link is for, made so many seconds after EPOCH."""
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w") as archive:
+        for name, content in members:
+            member = tarfile.TarInfo(name)
+            member.mtime, member.uname = EPOCH + later, f"builder-{later}"
+            if isinstance(content, str):
+                member.type, member.linkname = tarfile.LNKTYPE, content
+            else:
+                member.size = len(content)
+            archive.addfile(member, io.BytesIO(content) if isinstance(content, bytes) else None)
+    return out.getvalue()
+
+
+def saved_image(file: Path, later: int, *, base: bytes = b"base", own: bytes = b"own") -> Path:
+    """What ``docker save`` writes of an image with one layer of its base and one of its own, of some day."""
+    first = layer_of([("base", base)], 0)
+    made = [("b", own), ("a", b"1"), ("old", b"2"), ("c", "b")]
+    second = layer_of(made if later else [made[1], made[0], made[2], made[3]], later)
+    day = f"2026-01-01T00:00:{later:02}Z"
+    config = {
+        "architecture": "amd64", "os": "linux", "created": day, "container": f"c{later}", "docker_version": "20",
+        "config": {"Hostname": f"h{later}", "User": "pnfarm", "Env": ["A=1"], "Image": f"sha256:{later}"},
+        "history": [
+            {"created": "2025-01-01T00:00:00Z", "created_by": "base"},
+            {"created": day, "created_by": "ENV", "empty_layer": True}, {"created": day, "created_by": "COPY"},
+        ],
+        "rootfs": {"type": "layers", "diff_ids": []},
+    }  # fmt: skip
+    manifest = [{"Config": "x.json", "RepoTags": ["built"], "Layers": ["1/layer.tar", "2/layer.tar"]}]
+    with tarfile.open(file, "w") as archive:
+        for name, content in (
+            ("1/layer.tar", first), ("2/layer.tar", second), ("x.json", json.dumps(config).encode()),
+            ("manifest.json", json.dumps(manifest).encode()),
+        ):  # fmt: skip
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            archive.addfile(member, io.BytesIO(content))
+    return file
+
+
+EPOCH = 1_700_000_000
+
+
+@pytest.fixture
+def settled(tmp_path):
+    def settled(name: str, later: int, **contents) -> Path:
+        out = tmp_path / f"{name}.tar"
+        image.settle(saved_image(tmp_path / "saved.tar", later, **contents), out, "pnfarm:local", EPOCH, 1)
+        return out
+
+    return settled
+
+
+def test_an_image_that_was_built_twice_on_different_days_has_the_same_octets(settled):
+    one, other = settled("one", 0), settled("other", 50)
+    assert one.read_bytes() == other.read_bytes()
+    assert image.differences(one, other) == []
+
+
+def test_a_settled_image_has_the_files_of_the_built_one_and_the_digests_of_its_layers(settled):
+    with tarfile.open(settled("one", 50)) as archive:
+        (manifest,) = json.load(archive.extractfile("manifest.json"))
+        config = json.load(archive.extractfile(manifest["Config"]))
+        layers = [archive.extractfile(name).read() for name in manifest["Layers"]]
+    assert manifest["RepoTags"] == ["pnfarm:local"]
+    assert config["config"] == {"Env": ["A=1"], "User": "pnfarm"}
+    assert config["created"] == "2023-11-14T22:13:20Z"
+    assert [entry["created"][:4] for entry in config["history"]] == ["2025", "2023", "2023"]
+    assert config["rootfs"]["diff_ids"] == [f"sha256:{hashlib.sha256(layer).hexdigest()}" for layer in layers]
+    assert layers[0] == layer_of([("base", b"base")], 0)
+    found = image.members(io.BytesIO(layers[1]))
+    assert list(found) == ["a", "b", "old", "c"]
+    assert {mtime for _, _, _, _, mtime, _, _ in found.values()} == {EPOCH}
+    assert found["c"][5] == "b"
+
+
+def test_a_file_that_differs_between_two_builds_is_named(settled):
+    found = image.differences(settled("one", 0), settled("other", 0, own=b"time"))
+    assert found == ["layer 2: 1 members differ: b"]
+    assert image.differences(settled("one", 0), settled("other", 0, base=b"newer")) == [
+        "layer 1: 1 members differ: base"
+    ]
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ from pnfarm.user_code.calling_thread import Call
 from pnfarm.user_code.file import error_text, place_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from pnfarm.controller.group import ControlledDevice, Controllers
     from pnfarm.engine.columns import Columns
@@ -221,8 +221,8 @@ class ProgramRunner:
 
     def service(self, now: int) -> None:
         """Make the calls that are due."""
-        for calls in self.work(now):
-            self._caller.run(calls, self.limit_ns)
+        for call in self.work(now):
+            self._caller.run(call, self.limit_ns)
 
     def work(self, now: int) -> Work:
         """The calls that are due."""
@@ -308,10 +308,9 @@ class ProgramRunner:
         axis.told = axis.missed
         self._note(now, axis.name, ProgramLate(axis.longest_ns / 1e9, axis.cycle_ns / 1e9, axis.missed))
 
-    def _call(self, axes: Sequence[_Axis], now: int) -> Iterator[Sequence[Call]]:
-        calls = [Call(partial(axis.program.cycle, axis.inputs, axis.outputs, now)) for axis in axes]
-        yield calls
-        for axis, call in zip(axes, calls, strict=True):
+    def _call(self, axes: Sequence[_Axis], now: int) -> Work:
+        for axis in axes:
+            yield (call := Call(partial(axis.program.cycle, axis.inputs, axis.outputs, now)))
             if call.duration_ns is None:
                 text = f"cycle() did not return within {self.limit_ns / 1e9:g} s"
                 self._fail(axis, text, type(axis.program).cycle.__code__.co_filename, _first_line(axis.program), now)

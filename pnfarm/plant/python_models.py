@@ -115,8 +115,8 @@ class PythonModels:
     def start(self, now: int) -> None:
         """The first step of each is a step from now.
 
-        In real time its grid is that of its step, as the engine's is: the thread wakes when the engine does, which costs
-        less than a wake-up of its own.
+        In real time its grid is that of its step, as the engine's is: the thread wakes when the engine does, which
+        costs less than a wake-up of its own.
         """
         for model in self._models:
             model.last_ns = now
@@ -127,19 +127,16 @@ class PythonModels:
 
     def service(self, now: int) -> None:
         """Make the steps that are due."""
-        for calls in self.work(now):
-            self._caller.run(calls, self.limit_ns)
+        for call in self.work(now):
+            self._caller.run(call, self.limit_ns)
 
     def work(self, now: int) -> Work:
         """The steps that are due."""
         with self._calling:
-            due = [model for model in self._models if not model.failure and model.due_ns <= now]
-            if not due:
-                return
-            calls = [Call(partial(model.step, (now - model.last_ns) / 1e9)) for model in due]
-            yield calls
-            for model, call in zip(due, calls, strict=True):
-                self._done(model, call, now)
+            for model in self._models:
+                if model.due_ns <= now and not model.failure:
+                    yield (call := Call(partial(model.step, (now - model.last_ns) / 1e9)))
+                    self._done(model, call, now)
 
     def states(self) -> tuple[dict[str, Any], list[str]]:
         """The state of each by name, and a sentence for whatever is not in it.  Raises :class:`ConfigError`."""
@@ -183,7 +180,7 @@ class PythonModels:
         if not self._calling.acquire(timeout=LIMIT_NS / 1e9):
             raise ConfigError(f"plant model {model.name} cannot be {what}: it is busy")
         try:
-            self._caller.run([call], LIMIT_NS)
+            self._caller.run(call, LIMIT_NS)
         finally:
             self._calling.release()
         if call.duration_ns is None or call.error is not None:

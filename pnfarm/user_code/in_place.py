@@ -20,7 +20,6 @@ from pnfarm.user_code.calling_thread import Interrupted
 from pnfarm.user_code.watch import Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from types import FrameType
 
     from pnfarm.user_code.calling_thread import Call
@@ -46,16 +45,15 @@ class InPlace:
         """Whether this is the main thread, in which alone a signal can raise something."""
         return threading.get_ident() == threading.main_thread().ident
 
-    def run(self, calls: Sequence[Call], limit_ns: int) -> None:
-        """Make the calls in turn."""
+    def run(self, call: Call, limit_ns: int) -> None:
+        """Make the call."""
         watch = self._watch
         if watch is None or not watch.is_alive:
             # not alive behind a fork
             signal.signal(SIGNAL, _take_signal)
             watch = self._watch = Watch(partial(self._end, threading.get_ident()), "pnfarm calls")
         watch.limit_ns = limit_ns
-        for call in calls:
-            self._make(call, watch)
+        self._make(call, watch)
 
     def is_to_end(self, frame: FrameType) -> bool:
         """Whether a call runs that lasts too long, and ``frame`` is of people's code."""

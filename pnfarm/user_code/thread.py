@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from itertools import chain
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from pnfarm.user_code.calling_thread import Call, CallingThread
@@ -20,8 +19,10 @@ if TYPE_CHECKING:
 
 __all__ = ["CodeThread", "Work"]
 
-#: Yields calls that are to be made in turn, and finds in them what became of each.
-Work: TypeAlias = Iterator[Sequence[Call]]
+#: Yields calls that are to be made, one by one; what became of it is in each.
+Work: TypeAlias = Iterator[Call]
+#: Longest time between two looks at a call: each is a wake-up of its own.
+LOOK_SECONDS = 0.25
 #: How long :meth:`CodeThread.close` waits for a call that does not return.
 _CLOSE_SECONDS = 1.0
 
@@ -55,11 +56,10 @@ class CodeThread:
         self._thread = CallingThread(self._run, name)
         self._given_up: list[CallingThread] = []
         self._watch: Watch | None = None
-        #: Of the work under way.
-        self._calls: Iterator[Call] = iter(())
+        self._work: Work = iter(())
 
     def start(self) -> None:
-        self._watch = Watch(self._take_over, f"{self._name}: watch", self._runner.limit_ns)
+        self._watch = Watch(self._take_over, f"{self._name}: watch", self._runner.limit_ns, LOOK_SECONDS)
         self._thread.start()
 
     def close(self) -> None:
@@ -74,19 +74,19 @@ class CodeThread:
         self._runner.close()
 
     def _run(self) -> None:
-        """In the thread; one that takes over has calls that are left."""
+        """In the thread; one that takes over has work that is left."""
         thread, watch = self._thread, self._watch
         assert watch is not None
         try:
             while True:
-                for call in self._calls:
+                for call in self._work:
                     watch.running = call
                     thread.make(call)
                 watch.running = None
                 due = self._runner.next_deadline()
                 if self._stop.acquire(timeout=-1 if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)):
                     break
-                self._calls = chain.from_iterable(self._runner.work(time.monotonic_ns()))
+                self._work = self._runner.work(time.monotonic_ns())
         except Exception as exc:  # noqa: BLE001 - carried to the owner, which ends with it
             self._failed(exc)
         self._ended.set()

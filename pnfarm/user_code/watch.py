@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Watch"]
 
-#: Shortest and longest time between two looks.
+#: Shortest time between two looks, and longest if not told.
 LEAST_SECONDS, MOST_SECONDS = 0.001, 0.05
 
 
@@ -22,10 +22,13 @@ class Watch:
     It counts its looks at one call, so that a machine that stands for a while counts as one.
     """
 
-    def __init__(self, exceeded: Callable[[Call], None], name: str, limit_ns: int = 0) -> None:
+    def __init__(
+        self, exceeded: Callable[[Call], None], name: str, limit_ns: int = 0, most_seconds: float = MOST_SECONDS
+    ) -> None:
         self.running: Call | None = None
         self.limit_ns = limit_ns
         self._exceeded = exceeded
+        self._most_seconds = most_seconds
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._look, name=name, daemon=True)
         self._thread.start()
@@ -41,7 +44,7 @@ class Watch:
     def _look(self) -> None:
         seen: Call | None = None
         looks = 0
-        while not self._closed.wait(pause := max(LEAST_SECONDS, min(MOST_SECONDS, self.limit_ns / 4e9))):
+        while not self._closed.wait(pause := max(LEAST_SECONDS, min(self._most_seconds, self.limit_ns / 4e9))):
             running = self.running
             if running is None or running is not seen:
                 seen, looks = running, 0

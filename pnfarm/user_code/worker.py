@@ -10,8 +10,6 @@ from pnfarm.errors import InternalError
 from pnfarm.user_code.calling_thread import CallingThread
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from pnfarm.user_code.calling_thread import Call
 
 __all__ = ["Worker"]
@@ -28,30 +26,29 @@ class Worker:
         self._begin, self._done = threading.Lock(), threading.Lock()
         self._begin.acquire()
         self._done.acquire()
-        self._calls: Sequence[Call] = ()
+        self._call: Call | None = None
         self._thread: CallingThread | None = None
 
-    def run(self, calls: Sequence[Call], limit_ns: int) -> Call | None:
-        """Make the calls in turn and wait.  Returns the one that exceeded the limit; the worker is of no use then."""
+    def run(self, call: Call, limit_ns: int) -> bool:
+        """Make the call and wait.  False if it exceeded the limit; the worker is of no use then."""
         if self._thread is None:
             self._thread = CallingThread(self._work, "pnfarm axis program")
             self._thread.start()
         if not self._thread.is_alive:
             raise InternalError("calls of users' code were asked for after their thread ended")
-        self._calls = calls
+        self._call = call
         self._begin.release()
         wait_ns = limit_ns
         while not self._done.acquire(timeout=wait_ns / 1e9):
-            running = next((call for call in calls if call.began_ns and call.duration_ns is None), None)
-            lasted = 0 if running is None else time.perf_counter_ns() - running.began_ns
-            if running is not None and lasted >= limit_ns and self._thread.give_up(running):
-                return running
+            lasted = time.perf_counter_ns() - call.began_ns if call.began_ns else 0
+            if lasted >= limit_ns and self._thread.give_up(call):
+                return False
             wait_ns = max(1_000_000, limit_ns - lasted)
-        return None
+        return True
 
     def close(self) -> None:
         """End the thread if it is at rest."""
-        self._calls = ()
+        self._call = None
         if self._begin.locked():
             self._begin.release()
         if self._thread is not None:
@@ -61,8 +58,7 @@ class Worker:
         assert self._thread is not None
         while True:
             self._begin.acquire()
-            if not self._calls:
+            if self._call is None:
                 return
-            for call in self._calls:
-                self._thread.make(call)
+            self._thread.make(self._call)
             self._done.release()

@@ -37,7 +37,7 @@ class Rounds:
     def work(self, now: int):
         self.left -= 1
         calls = [Call(action) for action in self.actions]
-        yield calls
+        yield from calls
         self.threads.append(threading.current_thread())
         self.made.append(calls)
         if self.fails is not None:

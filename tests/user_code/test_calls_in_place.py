@@ -28,7 +28,8 @@ def caller():
 
 def run(caller: Caller, *actions):
     calls = [Call(action) for action in actions]
-    caller.run(calls, LIMIT_NS)
+    for call in calls:
+        caller.run(call, LIMIT_NS)
     return calls, [call for call in calls if call.duration_ns is None]
 
 
@@ -82,7 +83,7 @@ def test_a_machine_that_stands_for_longer_than_the_limit_is_not_the_calls_fault(
         "def action():\n    print('begun', flush=True); time.sleep(0.1)\n"
         "caller = Caller()\n"
         "call = Call(action)\n"
-        "caller.run([call], 2_000_000_000)\n"
+        "caller.run(call, 2_000_000_000)\n"
         "print(call.duration_ns is None)\n"
         "caller.close()\n"
     )
