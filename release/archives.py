@@ -5,7 +5,7 @@ that commit is ``SOURCE_DATE_EPOCH``; Hatchling sorts the files and gives them o
 
 ``--twice`` builds a second time, from another copy elsewhere, with another umask, time zone, language and order of
 hashes, and compares octet by octet; exit code 1 if anything differs.  The environment needs ``locks/build.txt``; with
-``PNFARM_MACHINE_CODE=1``, whose wheel is not the same twice (docs/supply-chain.md), ``locks/runtime.txt`` as well.
+``PNFARM_MACHINE_CODE=1`` (docs/supply-chain.md) ``locks/runtime.txt`` as well.
 """
 
 from __future__ import annotations
