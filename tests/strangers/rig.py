@@ -32,6 +32,7 @@ controller:
   ip: 10.77.0.1/23
   cycle: 16ms
   watchdog_factor: 16
+  program: {{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}}
 """
 START_SECONDS, ANSWER_SECONDS = 300.0, 30.0
 
