@@ -5,6 +5,8 @@ from __future__ import annotations
 import http.client
 import json
 import ssl
+import subprocess
+import sys
 import threading
 import time
 from contextlib import ExitStack, suppress
@@ -14,10 +16,10 @@ from typing import Any
 from pnfarm.api.access.audit_check import check_audit
 from pnfarm.api.access.authority import make_certificate
 from pnfarm.vocabulary.trust import client_context
-from tests.soak.side import Side, SoakError
+from tests.soak.side import ROOT, Side, SoakError
 from tests.strangers.attacks import tokens_of
 
-__all__ = ["PORTS", "Honest", "Rig"]
+__all__ = ["PORTS", "Floor", "Honest", "Rig"]
 
 PORTS = {"farm": 8702, "hub": 8703}
 LATENESS = "pnfarm_engine_lateness_seconds_bucket"
@@ -35,6 +37,27 @@ controller:
   program: {{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}}
 """
 START_SECONDS, ANSWER_SECONDS = 300.0, 30.0
+
+
+class Floor:
+    """A minimal loop in a process of its own (:mod:`tests.strangers.floor`)."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.strangers.floor"],
+            cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+    def passed(self, name: str) -> None:
+        """A time of this name has just passed; of an empty name, which is not looked at, too."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{name}\n")
+        self._process.stdin.flush()
+
+    def close(self) -> dict[str, float]:
+        """The p99 of each time, s."""
+        said, _ = self._process.communicate(timeout=ANSWER_SECONDS)
+        return dict(json.loads(said))
 
 
 class Rig:
