@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.bench.line import DRIVES, cores, farm_and_plc, lateness, measure
-from pnfarm.bench.result import WINDOWS, Result
+from pnfarm.bench.result import WINDOWS, Result, Windows
 
 if TYPE_CHECKING:
     from pnfarm.bench.load import Load
@@ -67,13 +67,14 @@ def plant(seconds: float, load: Load) -> list[Result]:
         alone += turned(DRIVES)
         moved += turned(_compiled())
         python += turned(_in_python())
-    least, behind, beside = cores(alone), cores(moved), cores(python)
+    least, behind = cores(alone), cores(moved)
     ratio, late = behind.over(least), lateness(moved, 0.99).over(lateness(alone, 0.99))
-    own = beside.median - least.median
+    # of its threads: two runs of the whole farm differ by more than a model takes
+    own = Windows(float(answer["plant_cpu"]) / float(answer["wall"]) for answer in python)
     return [
         least.row("plant-64-alone", "cores", 1.0),
         behind.row("plant-64", "cores", ratio),
         Result("plant-64-ratio", ratio, "with a plant over alone", None, "<= 1.15", ratio <= 1.15),
         Result("plant-64-lateness", late, "p99 with a plant over alone", None, "<= 1.5", late <= 1.5),
-        Result("plant-python", own, "cores for a model of 20 ports at 5 ms", None, "<= 0.02", own <= 0.02),
+        own.row("plant-python", "cores for a model of 20 ports at 5 ms", None, "<= 0.02", own.median <= 0.02),
     ]
