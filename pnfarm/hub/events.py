@@ -33,7 +33,7 @@ class Reader:
         position = parse_position(begin) if begin is not None else None
         self._known = position or {}
         self.after = 0 if position is not None else start_of(log, begin)
-        self._position = log.position(self.after)
+        self._position = dict([*log.position(self.after).items()][-MOST_ORIGINS:])
         for origin, number in self._known.items():
             if origin in self._position or len(self._position) < MOST_ORIGINS:
                 self._position[origin] = max(number, self._position.get(origin, 0))
@@ -52,6 +52,9 @@ class Reader:
                 continue
             if entry.lost and not self._replays:
                 text += gap(entry.lost)
+            if entry.origin not in self._position and len(self._position) >= MOST_ORIGINS:
+                there = [(one, number) for one, number in self._position.items() if self._log.taken(one)]
+                self._position = dict(there[-(MOST_ORIGINS - 1) :])
             self._position[entry.origin] = entry.number
             if self._drive is None or entry.drive == self._drive:
                 data = json.dumps(entry.as_dict(), default=str)

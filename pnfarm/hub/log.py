@@ -18,7 +18,7 @@ from itertools import count
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Collection, Mapping
 
 __all__ = ["HOLD_NS", "HubEntry", "MergedLog", "format_position", "parse_position"]
 
@@ -99,6 +99,12 @@ class MergedLog:
         self._taken[origin] = number
         behind = self._behind[origin] = max(at_ns, self._behind.get(origin, at_ns))
         heapq.heappush(self._waiting, (behind, next(self._order), origin, number, at_ns, data, lost))
+
+    def forget_but(self, live: Collection[str]) -> None:
+        """Forget what is known of runs that are over, once none of their entries is kept."""
+        for origin in [one for one in self._taken if one not in live]:
+            if self._dropped.get(origin, 0) >= self._taken[origin]:
+                del self._taken[origin], self._behind[origin], self._dropped[origin]
 
     def next_deadline(self) -> int | None:
         """When :meth:`release` is due."""

@@ -130,6 +130,7 @@ async def _attend_all(hub: Hub, tasks: TaskGroup) -> None:
             labels = dict.fromkeys(shard.label for name in fresh for shard in conflicts[name])
             hub.record(DrivesClaimedTwice(shortened(fresh, MOST_NAMES), " ".join(labels)))
         claimed = set(conflicts)
+        hub.log.forget_but({hub.instance, *(shard.instance for shard in hub.shards)})
         await anyio.sleep(LOOK_SECONDS)
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pnfarm.errors import ConfigError
 from pnfarm.hub.clocks import ClockOffset
-from pnfarm.hub.events import Reader
+from pnfarm.hub.events import MOST_ORIGINS, Reader
 from pnfarm.hub.log import HOLD_NS, KEPT, MergedLog, format_position, parse_position
 from pnfarm.hub.settings import api_of, name_of, url_of
 from pnfarm.hub.shards import KEEP_NS, AwayError, Shards
@@ -195,6 +195,42 @@ def test_a_position_goes_over_a_restart_and_tells_what_is_lost():
     other.take("a" * 8, 9, 9, entry())
     other.release(10**12)
     assert [one.lost for one in other.entries()] == [0, 2]
+
+
+def run_of(number):
+    return f"{number:08x}"
+
+
+def test_runs_that_are_over_are_forgotten_when_none_of_their_entries_is_kept():
+    log = MergedLog()
+    live = run_of(0)
+    log.take(live, 1, 1, entry())
+    for number in range(1, 2 * KEPT + 1):
+        log.take(run_of(number), 1, number, entry())
+        log.release(number + HOLD_NS)
+        if number % 1000 == 0:
+            log.forget_but({live, run_of(number)})
+    log.forget_but({live})
+    # a run that goes on is known, also if it has long been silent
+    assert log.taken(live) == 1
+    assert len(log.position(log.newest)) == KEPT + 1
+    assert log.taken(run_of(1)) == 0
+    assert log.taken(run_of(2 * KEPT)) == 1
+
+
+def test_a_clients_position_stays_one_over_any_number_of_runs():
+    log = MergedLog()
+    reader = Reader(log, None, None)
+    said = ""
+    for number in range(1, 2 * MOST_ORIGINS):
+        log.take(run_of(number), 1, number, entry())
+        log.release(number + HOLD_NS)
+        said = reader.text(log.entries(after=log.newest - 1), 0)
+        for _ in range(KEPT if number == MOST_ORIGINS else 0):
+            log.take(run_of(0), log.taken(run_of(0)) + 1, number, entry())
+            log.release(number + HOLD_NS)
+        log.forget_but({run_of(0), run_of(number)})
+    assert parse_position(said.split("\n")[0].removeprefix("id: "))[run_of(number)] == 1
 
 
 def test_a_client_gets_nothing_twice_from_a_new_hub_that_hears_of_a_shard_later_than_the_client_did():
