@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import ssl
 import time
+import tracemalloc
 from contextlib import asynccontextmanager
 from datetime import timedelta
 from functools import partial
@@ -449,3 +451,27 @@ def test_strangers_get_what_is_theirs_change_nothing_and_the_log_has_no_error(ma
     assert world.line.farm.axes[0].station.powered
     assert [entry for entry in logged if entry["log_level"] in {"error", "critical"}] == []
     assert [record for record in caplog.records if record.levelname in {"ERROR", "CRITICAL"}] == []
+
+
+@pytest.mark.asyncio
+async def test_a_connection_holds_no_more_memory_than_its_records_take(world, made):
+    trust = client_context(made.authority)
+    async with served(world, made) as port:
+
+        async def connect():
+            reader, writer = await asyncio.open_connection("127.0.0.1", port, ssl=trust)
+            writer.write(b"GET /api/v1/readyz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            await reader.readuntil(b"\r\n")
+            return writer
+
+        first = await connect()
+        tracemalloc.start()
+        try:
+            # both ends are in this process
+            writers = [await connect() for _ in range(20)]
+            held = tracemalloc.get_traced_memory()[0] / len(writers)
+        finally:
+            tracemalloc.stop()
+        for writer in (first, *writers):
+            writer.close()
+    assert held < 200_000

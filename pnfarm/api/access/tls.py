@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import ssl
 import time
+from asyncio import sslproto
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import structlog
@@ -33,6 +34,9 @@ PER_SECOND, AT_ONCE = 200.0, 32
 SHUTDOWN_SECONDS = 2.0
 #: Octets that wait for a client before the application does.
 WRITE_BUFFER = 65_536
+#: Octets that are decrypted at once, and held for each connection: the most that a record of TLS has.  asyncio's own is
+#: sixteen times as much, 64 MB for as many strangers as may be connected.
+READ_BUFFER = 16_384
 #: Octets of a certificate's file, with the chain, and of a key's.
 MOST = 262_144
 #: A certificate that ends sooner is reported at the start.
@@ -52,6 +56,7 @@ class ServerTls:
 
     def __init__(self, certificate: Path, key: Path | None = None) -> None:
         self._files = (certificate, key or certificate)
+        sslproto.SSLProtocol.max_size = READ_BUFFER
         self._stamp = self._look()
         self.names: tuple[str, ...] = ()
         self.ends = 0.0
