@@ -39,10 +39,25 @@ MOST_NAMED = 10
 
 def docker(*arguments: str | Path) -> str:
     """What the client says; raises :class:`SystemExit` with the engine's words."""
+    if shutil.which("docker") is None:
+        raise SystemExit("an image needs the program docker and its engine")
     done = subprocess.run(["docker", *map(str, arguments)], capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"docker {arguments[0]}: {done.stdout[-2000:]}{done.stderr[-2000:]}")
     return done.stdout
+
+
+def member_of(archive: tarfile.TarFile, name: str) -> IO[bytes]:
+    """A file of an archive."""
+    content = archive.extractfile(name)
+    assert content is not None
+    return content
+
+
+def digest_of(path: Path) -> str:
+    """As ``sha256sum`` prints it."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def settle_layer(layer: IO[bytes], out: IO[bytes], epoch: int) -> None:
@@ -85,25 +100,22 @@ def settle(saved: Path, out: Path, tag: str, epoch: int, keep: int) -> str:
             member.size, member.mtime = size, epoch
             other.addfile(member, content)
 
-        def read(name: str) -> IO[bytes]:
-            content = one.extractfile(name)
-            assert content is not None
-            return content
-
-        (manifest,) = json.load(read("manifest.json"))
+        (manifest,) = json.load(member_of(one, "manifest.json"))
         layers = []
         for number, name in enumerate(manifest["Layers"]):
             with tempfile.TemporaryFile() as layer:
                 if number < keep:
-                    shutil.copyfileobj(read(name), layer)
+                    shutil.copyfileobj(member_of(one, name), layer)
                 else:
-                    settle_layer(read(name), layer, epoch)
+                    settle_layer(member_of(one, name), layer, epoch)
                 size = layer.tell()
                 layer.seek(0)
                 layers.append(hashlib.file_digest(layer, "sha256").hexdigest())
                 layer.seek(0)
                 add(f"{layers[-1]}.tar", layer, size)
-        config = json.dumps(settle_config(json.load(read(manifest["Config"])), layers, epoch, keep), sort_keys=True)
+        config = json.dumps(
+            settle_config(json.load(member_of(one, manifest["Config"])), layers, epoch, keep), sort_keys=True
+        )
         digest = hashlib.sha256(config.encode()).hexdigest()
         entry = {"Config": f"{digest}.json", "RepoTags": [tag], "Layers": [f"{layer}.tar" for layer in layers]}
         for name, text in ((entry["Config"], config), ("manifest.json", json.dumps([entry]))):
@@ -142,17 +154,17 @@ def members(layer: IO[bytes]) -> dict[str, tuple[Any, ...]]:
 
 def differences(first: Path, second: Path) -> list[str]:
     """In what two archives of :func:`settle` differ, a sentence each; nothing if they have the same octets."""
-    if first.read_bytes() == second.read_bytes():
+    if digest_of(first) == digest_of(second):
         return []
     found = []
     with tarfile.open(first) as one, tarfile.open(second) as other:
-        layers = [json.load(archive.extractfile("manifest.json"))[0]["Layers"] for archive in (one, other)]  # type: ignore[arg-type]  # it has one
+        layers = [json.load(member_of(archive, "manifest.json"))[0]["Layers"] for archive in (one, other)]
         if len(layers[0]) != len(layers[1]):
             return [f"{len(layers[0])} layers became {len(layers[1])}"]
         for number, (mine, theirs) in enumerate(zip(*layers, strict=True), 1):
             if mine == theirs:
                 continue
-            has, had = (members(archive.extractfile(name)) for archive, name in ((one, mine), (other, theirs)))  # type: ignore[arg-type]  # as above
+            has, had = (members(member_of(archive, name)) for archive, name in ((one, mine), (other, theirs)))
             names = sorted(name for name in has.keys() | had.keys() if has.get(name) != had.get(name))
             found.append(
                 f"layer {number}: {len(names)} members differ: {', '.join(names[:MOST_NAMED]) or 'their order'}"
@@ -174,8 +186,7 @@ def main(arguments: list[str] | None = None) -> int:
     if changed := git(options.root, "status", "--porcelain").splitlines():
         sys.stderr.write(f"what is built is the last commit: {len(changed)} changed or new files are not in it\n")
     image = build(options.root, options.out, options)
-    with options.out.open("rb") as file:
-        sys.stdout.write(f"{hashlib.file_digest(file, 'sha256').hexdigest()}  {options.out}\n{image}  {options.tag}\n")
+    sys.stdout.write(f"{digest_of(options.out)}  {options.out}\n{image}  {options.tag}\n")
     if not options.twice:
         return 0
     with tempfile.TemporaryDirectory(prefix="pnfarm-again-") as folder:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Call", "CallingThread", "Interrupted"]
 
-#: How long a thread that was given up waits for the exception that ends it.
+#: How long a thread that was given up waits for the exception that ends it, and how long its end is awaited.
 _PATIENCE_SECONDS = 1.0
 
 
@@ -64,9 +64,10 @@ class CallingThread:
                 call.error = error
                 call.duration_ns = time.perf_counter_ns() - call.began_ns
                 return
-        # the exception that ends this thread was raised in the call, or is on its way
         if not isinstance(error, Interrupted):
-            time.sleep(_PATIENCE_SECONDS)
+            time.sleep(
+                _PATIENCE_SECONDS
+            )  # the exception is on its way: it comes behind this wait, not in the thread's end
         raise Interrupted
 
     def give_up(self, call: Call) -> bool:
@@ -81,13 +82,13 @@ class CallingThread:
         self._interrupt()
         return True
 
-    def join(self, seconds: float | None = None) -> None:
+    def join(self) -> None:
         """Wait for the end of the thread; one that was given up is asked again."""
         if self._thread.ident is None:
             return
         if self._is_given_up:
             self._interrupt()
-        self._thread.join(seconds)
+        self._thread.join(_PATIENCE_SECONDS)
         if self._is_given_up and self._thread.is_alive():
             # it waits in the kernel
             _set_exception(self._thread.ident, None)

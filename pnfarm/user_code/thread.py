@@ -23,8 +23,6 @@ __all__ = ["CodeThread", "Work"]
 Work: TypeAlias = Iterator[Call]
 #: Longest time between two looks at a call: each is a wake-up of its own.
 LOOK_SECONDS = 0.25
-#: How long :meth:`CodeThread.close` waits for a call that does not return.
-_CLOSE_SECONDS = 1.0
 
 
 class _Runner(Protocol):
@@ -70,7 +68,7 @@ class CodeThread:
             self._ended.wait()
             self._watch.close()
         for thread in (self._thread, *self._given_up):
-            thread.join(_CLOSE_SECONDS)
+            thread.join()
         self._runner.close()
 
     def _run(self) -> None:

@@ -14,9 +14,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Worker"]
 
-#: How long :meth:`Worker.close` waits.
-_CLOSE_SECONDS = 1.0
-
 
 class Worker:
     """One thread, started by the first :meth:`run`."""
@@ -52,7 +49,7 @@ class Worker:
         if self._begin.locked():
             self._begin.release()
         if self._thread is not None:
-            self._thread.join(_CLOSE_SECONDS)
+            self._thread.join()
 
     def _work(self) -> None:
         assert self._thread is not None

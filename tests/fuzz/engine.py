@@ -1,4 +1,4 @@
-"""``python -m tests.fuzz --engine``: changed cyclic frames for the compiled engine, millions a second, bounds checked.
+"""``python -m tests.fuzz --engine``: changed cyclic frames for the compiled engine, a million a second, bounds checked.
 
 A farm of all models on networks and its controllers in memory, connected.  Each round one table sends its frames;
 copies of them, most of them changed, are what the other one receives, which then makes a tick: so changed set points
@@ -85,7 +85,7 @@ COUNTS = ("received", "unknown", "malformed")
 
 @inlined
 def _next(state: Any) -> int:
-    """xorshift, 63 bits."""
+    """xorshift, 60 bits."""
     x = state[0]
     x ^= (x << 13) & 0xFFFFFFFFFFFFFFF
     x ^= x >> 7

@@ -39,12 +39,14 @@ class Side:
         self.log = LogReader()
         self.before: dict[str, Any] | None = None
         self._arguments = list(map(str, arguments))
-        self._spent = self._asked = 0.0
+        self._spent = 0.0
         self.start()
 
     def start(self) -> None:
         """A new process; what it notes replaces what the one before noted."""
         self.notes.unlink(missing_ok=True)
+        #: Octets of the notes that :meth:`stood` has read.
+        self._asked = 0
         command = [sys.executable, "-m", "tests.soak.watched", str(self.notes), str(NOTE_SECONDS)]
         self.process = subprocess.Popen(
             [*command, "--log-format", "json", *self._arguments],
@@ -96,10 +98,12 @@ class Side:
         """When it did not run, by the wall clock, and for how long: all that it noted and that was not asked yet."""
         if not self.notes.exists():
             return []
-        notes = [json.loads(line) for line in self.notes.read_bytes().split(b"\n")[:-1]]
-        new = [note for note in notes if note["at"] > self._asked]
-        self._asked = max((note["at"] for note in new), default=self._asked)
-        return [(begin, seconds) for note in new for begin, seconds in note["stood"]]
+        with self.notes.open("rb") as file:
+            file.seek(self._asked)
+            new = file.read()
+        whole = new[: new.rfind(b"\n") + 1]
+        self._asked += len(whole)
+        return [(begin, seconds) for line in whole.splitlines() for begin, seconds in json.loads(line)["stood"]]
 
     def paused(self, since: float, until: float) -> float:
         """The longest time between two notes in a time of the wall clock: so long the process did not run."""

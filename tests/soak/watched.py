@@ -55,7 +55,7 @@ def _stood(seconds: float) -> list[list[float]]:
     found = []
     end = time.monotonic() + seconds
     while (now := time.monotonic()) < end:
-        time.sleep(LOOK_SECONDS)
+        time.sleep(LOOK_SECONDS)  # how late this wait ends is what is looked for
         if (late := time.monotonic() - now - LOOK_SECONDS) >= STOOD_SECONDS:
             found.append([time.time() - late, late])
     return found

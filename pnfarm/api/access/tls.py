@@ -56,6 +56,7 @@ class ServerTls:
 
     def __init__(self, certificate: Path, key: Path | None = None) -> None:
         self._files = (certificate, key or certificate)
+        # of the class: start_tls takes no argument for it
         sslproto.SSLProtocol.max_size = READ_BUFFER
         self._stamp = self._look()
         self.names: tuple[str, ...] = ()
