@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-__all__ = ["compiled_loop", "interpreter_loop"]
+__all__ = ["compiled_loop", "interpreter_loop", "wake_ups"]
 
 
 def interpreter_loop(passes: int = 1) -> float:
@@ -33,3 +33,14 @@ def compiled_loop(rounds: int) -> float:
     begin = time.thread_time()
     copy_floor(sent, taken, rounds)
     return time.thread_time() - begin
+
+
+def wake_ups(seconds: float, step_ns: int) -> float:
+    """Cores that this thread takes if it does nothing but wake at each step, for so many seconds."""
+    begin, used = time.monotonic_ns(), time.thread_time_ns()
+    end, due = begin + int(seconds * 1e9), begin
+    while due < end:
+        due += step_ns
+        # the wake-up is what is measured
+        time.sleep(max(0, due - time.monotonic_ns()) / 1e9)
+    return (time.thread_time_ns() - used) / (time.monotonic_ns() - begin)

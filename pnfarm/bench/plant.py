@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.bench.line import DRIVES, cores, farm_and_plc, lateness, measure
+from pnfarm.bench.loops import wake_ups
 from pnfarm.bench.result import WINDOWS, Result, Windows
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ __all__ = ["plant"]
 
 COUNT, CYCLE, WATCHDOG = 64, "1ms", 64
 BEHAVIOURS = 200
+STEP_NS = 5_000_000
 #: How often all take turns: the goals compare them.
 TURNS = 2
 
@@ -51,18 +53,21 @@ def _compiled() -> str:
 def _in_python() -> str:
     model = Path(__file__).with_name("plant_model.py")
     wires = [f"axis-{number + 1:04}.shaft_position -> twenty.in_{number}" for number in range(10)]
-    return _stations([f"{{name: twenty, python: {model}, step: 5ms}}"], wires)
+    return _stations([f"{{name: twenty, python: {model}, step: {STEP_NS}ns}}"], wires)
 
 
 def plant(seconds: float, load: Load) -> list[Result]:
     """CPU of 64 drives at 1 ms with 64 masses behind springs and 200 behaviours, and with a model in Python."""
     turn = seconds / TURNS
+    alone, moved, python, woken = [], [], [], []
 
     def turned(stations: str) -> list[dict[str, Any]]:
         with farm_and_plc(COUNT, CYCLE, WATCHDOG, stations=stations) as (farm, plc):
-            return measure(farm, plc, turn, load, WINDOWS // TURNS)[0]
+            found = measure(farm, plc, turn, load, WINDOWS // TURNS)[0]
+            # beside each farm, so that the caches are as full of others' memory as its model finds them
+            woken.append(wake_ups(turn / WINDOWS, STEP_NS))
+            return found
 
-    alone, moved, python = [], [], []
     for _ in range(TURNS):
         alone += turned(DRIVES)
         moved += turned(_compiled())
@@ -71,10 +76,12 @@ def plant(seconds: float, load: Load) -> list[Result]:
     ratio, late = behind.over(least), lateness(moved, 0.99).over(lateness(alone, 0.99))
     # of its threads: two runs of the whole farm differ by more than a model takes
     own = Windows(float(answer["plant_cpu"]) / float(answer["wall"]) for answer in python)
+    floor = Windows(woken)
     return [
         least.row("plant-64-alone", "cores", 1.0),
         behind.row("plant-64", "cores", ratio),
         Result("plant-64-ratio", ratio, "with a plant over alone", None, "<= 1.15", ratio <= 1.15),
         Result("plant-64-lateness", late, "p99 with a plant over alone", None, "<= 1.5", late <= 1.5),
-        own.row("plant-python", "cores for a model of 20 ports at 5 ms", None, "<= 0.02", own.median <= 0.02),
+        own.row("plant-python", "cores for a model of 20 ports at 5 ms", own.over(floor), "<= 0.02", own.median <= 0.02),
+        floor.row("plant-python-floor", "cores for a thread that only wakes", 1.0),
     ]
