@@ -102,7 +102,7 @@ def _run(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
             if (now := rig.connects()) != connects:
                 stall = stalls.longest(at)
                 print(f"  {now - connects} connections set up anew; the machine's longest stall: {stall:.2f} s")
-                for line in rig.losses()[-4:]:
+                for line in rig.losses():
                     print(f"    {line[:400]}")
                 # what a stall of the machine took is not the adversary's
                 lost["attacked"] += 0 if stall > STALL_SECONDS else now - connects

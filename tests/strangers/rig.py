@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -126,8 +127,15 @@ class Rig:
         return sum(drive["connects"] for drive in self.drives())
 
     def losses(self) -> list[str]:
-        """The farm's entries of connections that were lost, among its last ones."""
-        return [line for line in self.sides["farm"].log.last if "watchdog expired" in line or "ar aborted" in line]
+        """What the farm says of connections that were lost, and when processes did not run since it was asked."""
+        drives = self.drives()
+        reasons = sum((Counter(drive["aborts"]) for drive in drives), Counter())
+        expired, by_farm = (sum(drive[f"watchdog_expirations{of}"] for drive in drives) for of in ("", "_by_farm"))
+        said = [f"aborts {dict(reasons)}, watchdogs expired {expired}, by the farm's lateness {by_farm}"]
+        for name, side in self.sides.items():
+            said += [f"the {name} did not run for {length:.2f} s" for _, length in side.stood()]
+        lines = [line for line in self.sides["farm"].log.last if "watchdog expired" in line or "ar aborted" in line]
+        return [*said, *lines[-4:]]
 
     def late(self) -> dict[float, float]:
         """How many ticks of the engine began at most so late, by seconds."""
