@@ -15,6 +15,10 @@ from pathlib import Path
 
 from pnfarm.vocabulary.durations import parse_duration
 
+#: Of the real time's run.  Few drives and many faults: the logs, which have an end, are full before growth is judged.
+DRIVES, RATE = 24, 6.0
+#: Of the run in virtual time, which is one process.
+VIRTUAL_DRIVES = 8
 ROOT = Path(__file__).resolve().parents[2]
 STATE = ROOT / "build" / "soak.json"
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "faults")]
@@ -57,10 +61,10 @@ def _options(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
         "--drives", type=_drives, default=None,
-        help="drives of the makers' models on PROFINET, 1 to 200 (default: 64; 8 with --virtual); from 8 on, the other"
-        " buses, a drive system, devices and a plant come with them",
+        help=f"drives of the makers' models on PROFINET, 1 to 200 (default: {DRIVES}; {VIRTUAL_DRIVES} with --virtual);"
+        " from 8 on, the other buses, a drive system, devices and a plant come with them",
     )  # fmt: skip
-    parser.add_argument("--rate", type=_positive, default=2.0, help="actions a second (default: 2)")
+    parser.add_argument("--rate", type=_positive, default=RATE, help=f"actions a second (default: {RATE:g})")
     parser.add_argument("--link", choices=("veth", "macvlan"), default="veth", help="in real time (default: veth)")
     parser.add_argument("--virtual", action="store_true", help="one process, in virtual time")
     parser.add_argument(
@@ -68,7 +72,7 @@ def _options(arguments: list[str] | None = None) -> argparse.Namespace:
     )
     options = parser.parse_args(arguments)
     if options.drives is None:
-        options.drives = 8 if options.virtual else 64
+        options.drives = VIRTUAL_DRIVES if options.virtual else DRIVES
     return options
 
 
