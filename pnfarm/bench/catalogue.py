@@ -114,7 +114,13 @@ BENCHMARKS: dict[str, Benchmark] = {
     "plant": Benchmark(
         plant,
         20.0,
-        ("plant-64-alone", "plant-64", *_figures("plant-64", "ratio", "lateness"), "plant-python", "plant-python-floor"),
+        (
+            "plant-64-alone",
+            "plant-64",
+            *_figures("plant-64", "ratio", "lateness"),
+            "plant-python",
+            "plant-python-floor",
+        ),
     ),
     "page-1000": Benchmark(
         page_1000,

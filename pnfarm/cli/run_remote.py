@@ -42,7 +42,7 @@ class _Remote:
         self._interrupted = interrupted
 
     def run(self) -> tuple[dict[str, Any], Exception | None]:
-        # from now on a stop signal waits until the farm can be told
+        # from now on a stop signal waits until the farm can be asked to stop
         self._interrupted()
         begun = self._begin()
         known: dict[str, Any] = begun

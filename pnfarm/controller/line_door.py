@@ -96,7 +96,7 @@ class LineDoor:
                 writer.write(json.dumps(await self._answer(line)).encode() + b"\n")
                 await writer.drain()
         except (TimeoutError, OSError, ValueError):
-            # it does not ask, asks at length, or has gone: nobody is there to be told
+            # it does not ask, asks at length, or has gone: there is no client to answer
             pass
         finally:
             writer.close()

@@ -77,13 +77,13 @@ class Warmed:
 
 
 class _Compiled(event.Listener):  # type: ignore[misc]  # numba has no types
-    """Tells the names of this package's functions as they are compiled; those loaded from a cache are not told."""
+    """Reports the names of this package's functions as they are compiled, and not those loaded from a cache."""
 
     def __init__(self, tell: Callable[[str], None]) -> None:
         self._tell = tell
 
     def on_start(self, event: event.Event) -> None:
-        """Only ends are told."""
+        """Only ends are reported."""
 
     def on_end(self, event: event.Event) -> None:
         function = event.data["dispatcher"].py_func
@@ -167,7 +167,7 @@ def _hear(lines: Iterable[str], tell: Callable[[str], None]) -> None:
 
 
 def _compile_half(half: str, part: str) -> None:
-    """What one of the two processes does; it tells the names of functions, a line for each."""
+    """What one of the two processes does; it prints the names of functions, a line for each."""
 
     def tell(name: str) -> None:
         sys.stdout.write(f"{name}\n")

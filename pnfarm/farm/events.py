@@ -68,7 +68,7 @@ class LineOpened(Event):
 
 @event("answers withheld as too late: see latest_answer", "warning")
 class AnswersWithheld(Event):
-    """So many answers on a serial line would have begun too late; told at the first, the second, the fourth ..."""
+    """So many answers on a serial line would have begun too late; reported at the first, the second, the fourth ..."""
 
     where: str
     count: int

@@ -38,7 +38,7 @@ def farm_budget_ns(core: FarmCore, drive: str | None = None) -> int:
 def farm_lateness(
     core: FarmCore, begin_ns: int, end_ns: int, *, drive: str | None = None, budget: int | None = None
 ) -> Lateness:
-    """How late the farm was between two times of its clock; ``late`` tells whether that is more than its budget.
+    """How late the farm was between two times of its clock; ``late`` says whether that is more than its budget.
 
     ``budget`` in ns replaces :func:`farm_budget_ns`.  The event loop's delay counts, because it delays acyclic frames,
     faults and readings.  In virtual time the farm is never late.

@@ -1,4 +1,4 @@
-"""What the drives of a farm file cost the engine, as far as the file tells: cycles, frames, steps, serial lines."""
+"""What the drives of a farm file cost the engine, as far as the file shows: cycles, frames, steps, serial lines."""
 
 from __future__ import annotations
 

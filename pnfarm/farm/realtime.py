@@ -59,7 +59,7 @@ LOOP_LATE_NS = 2_000_000
 class RealTimeDriver:
     """Runs one node until :meth:`close`.  Exceptions of callbacks are raised by :meth:`wait`.
 
-    ``lateness`` is told how late the event loop is, and what time was stolen.
+    ``lateness`` records how late the event loop is, and what time was stolen.
     """
 
     def __init__(

@@ -486,7 +486,7 @@ class InjectionManager:
             return run.not_before
         if run.watch is None:
             return wait_until(spec, run, now)
-        # the engine, or what happens to the drive, tells that the condition holds, but for signals of devices
+        # the engine, or what happens to the drive, shows that the condition holds, but for signals of devices
         return None if run.watch.every_ns is None else now + run.watch.every_ns
 
     # last, because the name hides the type in the annotations after it

@@ -116,7 +116,7 @@ class HubOverview:
         self._texts.clear()
 
     def since(self, version: int) -> bytes:
-        """What changed after ``version``, as :meth:`pnfarm.farm.views.overview.Overview.since` tells it."""
+        """What changed after ``version``, as :meth:`pnfarm.farm.views.overview.Overview.since` reports it."""
         found = self._texts.get(version)
         if found is None:
             found = self._texts[version] = json.dumps(

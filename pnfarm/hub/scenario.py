@@ -448,7 +448,7 @@ class HubRun(Flow):
             self._ending.add_done_callback(self._hub.undoing.discard)
 
     async def _undo(self, why: str, *, broken: bool) -> None:
-        """End its faults and switch its drives on; what cannot be undone now is told."""
+        """End its faults and switch its drives on; what cannot be undone now is reported."""
         left: list[str] = []
         for injected in list(self._own.values()):
             try:

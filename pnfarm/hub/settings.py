@@ -1,4 +1,4 @@
-"""What a hub is told on its command line, checked: addresses and tokens."""
+"""The arguments of a hub's command line, checked: addresses and tokens."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ Counts: TypeAlias = "dict[tuple[str, ...], int]"
 
 __all__ = ["FarmCollector", "Scrape", "connection_numbers"]
 
-#: Bounds of the intervals' histogram that are shown: how exact the controller is, the jitter's histogram tells.
+#: Bounds of the intervals' histogram that are shown: how exact the controller is, the jitter's histogram shows.
 SHOWN_INTERVALS_NS = (
     500_000, 1_000_000, 1_250_000, 2_000_000, 4_000_000, 5_000_000, 8_000_000, 12_000_000, 16_000_000, 20_000_000,
     32_000_000, 64_000_000, 128_000_000, 512_000_000,

@@ -1,4 +1,4 @@
-"""The course of a scenario, wherever its drives are: sequences, branches, searches, and what each step is told to.
+"""The course of a scenario, wherever its drives are: sequences, branches, searches, and to what each step is reported.
 
 :meth:`Flow.advance` carries out what is due and says when to come back.  Steps are generators that yield the time of
 their next look, so that branches of ``parallel`` run side by side.  What a step does to drives is a subclass's:

@@ -172,7 +172,7 @@ class SocketDevice(Protocol):
     """What a device offers besides if it speaks over streams or datagrams of an address of its own.
 
     The farm carries them only while the drive is on the wire.  When its supply goes, address and sockets are gone at
-    once, and its peers are told nothing; the device forgets its streams in :meth:`Device.stop`.
+    once, and its peers learn nothing; the device forgets its streams in :meth:`Device.stop`.
     """
 
     def services(self) -> Services | None:

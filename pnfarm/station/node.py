@@ -123,7 +123,7 @@ class StationNode:
         self._memory = memory
         self._log = log
         self._left_out: list[str] = []
-        #: A save that failed and is not told yet.
+        #: A save that failed and is not reported yet.
         self._not_written: MemoryNotWritten | None = None
         #: When a station that boots comes on the wire.
         self._answers_ns: int | None = None

@@ -175,7 +175,7 @@ class Visits:
         return iter(self._visits)
 
     def step(self, caller: Caller, step: Step, now: int) -> None:
-        """A controller made a step before there is a connection; repetitions are not told."""
+        """A controller made a step before there is a connection; repetitions are not reported."""
         visit = self._of(caller)
         if step not in visit.steps:
             visit.steps[step] = now

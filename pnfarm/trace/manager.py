@@ -178,7 +178,7 @@ def _values(chosen: ColumnPlace, samples: Any) -> Any:
 
 
 class TraceManager:
-    """``columns`` with room for traces; ``log`` takes their events and tells those of the drives and ``devices``.
+    """``columns`` with room for traces; ``log`` takes their events and reports those of the drives and ``devices``.
 
     ``models`` are those of the plant.
     """

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Watch"]
 
-#: Shortest time between two looks, and longest if not told.
+#: Shortest time between two looks, and longest by default.
 LEAST_SECONDS, MOST_SECONDS = 0.001, 0.05
 
 

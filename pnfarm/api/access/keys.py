@@ -41,7 +41,7 @@ class Keys:
         return bool(self._own) or self._file is not None
 
     def holder(self, secret: str) -> Holder | None:
-        """Whose secret it is, also one that has expired; all are compared, so that the time tells nothing."""
+        """Whose secret it is, also one that has expired; all are compared, so that the time gives nothing away."""
         digest = digest_of(secret)
         found = None
         for holder in self._all():

@@ -44,7 +44,7 @@ SOON_SECONDS = 14 * 86_400
 
 logger = structlog.get_logger("pnfarm.api")
 
-#: What tells that a file has changed.
+#: What shows that a file has changed.
 _Stamp = tuple[int, int, int]
 
 

@@ -72,7 +72,7 @@ class StandardError:
 
 
 def _takes_more(pipe: int) -> bool:
-    """Whether a piece is taken at once.  A reader that is gone is told by the write itself."""
+    """Whether a piece is taken at once.  The write itself reports a reader that is gone."""
     poll = select.poll()
     poll.register(pipe, select.POLLOUT)
     return bool(poll.poll(0))

@@ -157,7 +157,7 @@ def flat(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Table(dict[str, Any]):
-    """An entry ``[[name]]`` of a list, joined from several files; :meth:`where` tells which of them gave a key."""
+    """An entry ``[[name]]`` of a list, joined from several files; :meth:`where` says which of them gave a key."""
 
     def __init__(self, place: str) -> None:
         super().__init__()

@@ -48,7 +48,7 @@ class MappingError(ConfigError):
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A signal by its number: ``bits`` is 16 or 32; ``setpoint`` tells set points from actual values.
+    """A signal by its number: ``bits`` is 16 or 32; ``setpoint`` distinguishes set points from actual values.
 
     A set point that is ``readable`` can be echoed as received.  ``stored``: it is not an actual value but a stored
     parameter of this number, of an array its ``element``.  ``shown_as``: lists use the number of its parameter instead

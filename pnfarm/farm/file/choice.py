@@ -49,7 +49,7 @@ class ControllerValues:
 class Choice:
     """A group is on its model's bus; there is a controller for each bus that has drives in the file.
 
-    A bus without a controller in this version has none here.  Where nothing tells the bus (an unknown model, a file
+    A bus without a controller in this version has none here.  Where nothing names the bus (an unknown model, a file
     without drives), it is the one that knows most of the keys, the first of several with the same number.
     """
 

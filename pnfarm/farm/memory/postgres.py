@@ -5,7 +5,7 @@ start), and held from then on: what a drive reads never waits.  A save is handed
 :data:`SAVE_SECONDS` at most; with no answer by then the database counts as away, and saves are refused at once until it
 has answered again.  Whatever became of a save without an answer, what is held is written before the next one.
 
-The event loop calls :meth:`PostgresState.check` when it is told that something is new, and at times by itself.
+The event loop calls :meth:`PostgresState.check` when something is new, and at times by itself.
 """
 
 from __future__ import annotations
@@ -277,7 +277,7 @@ class PostgresState:
             again = min(AGAIN_MOST_SECONDS, again * 2)
 
     def _failed(self, error: EnvironmentError_) -> None:
-        """What no other try mends; told to whom the start waits for, else as a loss."""
+        """What no other try mends; the start fails with it, or it is reported as a loss."""
         with self.changed:
             self._fatal = error
             self._lost(str(error))

@@ -35,7 +35,7 @@ ROUNDS = 40
 MOST_ROWS = 64
 #: Largest whole number that a script of a page has exactly.
 LARGEST = 2**53 - 1
-#: A second, for what is told with each of them.
+#: A second, for what is sent with each of them.
 _SECOND_NS = 1_000_000_000
 
 

@@ -122,7 +122,7 @@ class SocketGate:
         self._refusing: dict[int, int] = {}
 
     def classify(self, port: int, message_class: MessageClass, cutter: Callable[[], Cutter]) -> None:
-        """Set how the port's bus tells messages apart."""
+        """Set how the port's bus distinguishes messages."""
         known = self._port(port)
         known.message_class, known.cutter = message_class, cutter
 

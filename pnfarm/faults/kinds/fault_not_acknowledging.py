@@ -34,7 +34,7 @@ class NotAcknowledging(ConfirmedEffect):
             self._look_since = last_ns
         self._seen = refused
         self._look(now)
-        # with a connection the next frame tells whether the fault is still reported
+        # with a connection the next frame shows whether the fault is still reported
         self.finished = refused >= self._until and self._due is None
 
     def end(self, now: int) -> None:

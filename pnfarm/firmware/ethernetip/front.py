@@ -1,6 +1,6 @@
 """The position controller in front of an axis: a command assembly becomes its orders, its state a response assembly.
 
-Besides the three functions of every front it tells the event loop what that has to do for it.
+Besides the three functions of every front it says what the event loop has to do for it.
 """
 
 from __future__ import annotations

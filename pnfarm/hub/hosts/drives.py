@@ -60,7 +60,7 @@ class HubDrives(Passing):
         views = [shard.view for shard in fresh]
         return {
             "farm": hub.shards.farm,
-            # all of them; each shard tells its own
+            # all of them; each shard reports its own
             "shard": None,
             "standing": None,
             "link": "+".join(dict.fromkeys(str(view["link"]) for view in views)) or "unreachable",

@@ -77,7 +77,7 @@ class FdLine(ABC):
         self._queue = bytearray()
         self._pause = _FIRST_PAUSE_SECONDS
         self._again: asyncio.TimerHandle | None = None
-        #: The last news, so that a way that stays broken is told once.
+        #: The last news, so that a way that stays broken is reported once.
         self._told: tuple[bool, str] | None = None
 
     @property

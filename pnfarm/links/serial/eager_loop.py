@@ -91,7 +91,7 @@ class EagerLoop(asyncio.SelectorEventLoop):
         return self._looks.earliest_ns if self._looks.is_asked and self._looks.eager else time.monotonic_ns()
 
     def ask_for_age(self) -> None:
-        """:attr:`earliest_ns` tells from now on also what waited while the loop was busy."""
+        """:attr:`earliest_ns` has from now on also what waited while the loop was busy."""
         self._looks.is_asked = True
 
     def set_eager(self, fd: int, reader: Callable[[], bool] | None) -> None:

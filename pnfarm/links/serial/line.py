@@ -167,7 +167,7 @@ class Line(Protocol):
         """Set who is asked before the receiver, where the event loop has a way to do so before its next turn."""
 
     def set_news(self, news: LineNews) -> None:
-        """Set who is told that the far end came or went."""
+        """Set what is called when the far end came or went."""
 
     def set_baud(self, baud: int) -> None:
         """Change the rate, where the way has one; others ignore it."""

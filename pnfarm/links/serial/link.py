@@ -63,7 +63,7 @@ class Splitter(Protocol):
 
 
 class SerialLink:
-    """A :class:`~pnfarm.links.base.Link` over ``line``; ``baud`` is told to its stations.
+    """A :class:`~pnfarm.links.base.Link` over ``line``; its stations get ``baud``.
 
     ``search``: rates that are tried in turn while octets come and no telegram is among them.
     ``latest_ns``: how late a slave's answer may begin at a rate, ns; None for a rate without such a limit.
@@ -298,7 +298,7 @@ class SerialLink:
         self._least_bits = least_bits if self.line.has_rate else None
 
     def set_withheld_news(self, news: WithheldNews) -> None:
-        """Set who is told of withheld answers: of the first, and whenever there are twice as many."""
+        """Set what is called for withheld answers: of the first, and whenever there are twice as many."""
         self._withheld_news = news
 
     def set_watcher(self, watcher: Watcher | None) -> None:

@@ -1,4 +1,4 @@
-"""Connections of a target: what it offers, what is open, and what its owner is told."""
+"""Connections of a target: what it offers, what is open, and what is reported to its owner."""
 
 from __future__ import annotations
 

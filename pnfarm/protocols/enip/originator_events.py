@@ -1,4 +1,4 @@
-"""What an originator tells its owner, and what it asks its carrier to do."""
+"""What an originator reports to its owner, and what it asks its carrier to do."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ __all__ = ["ClassOne", "ClassTwo"]
 HIGHEST_CONNECTION: Final = 48
 #: A connection whose master is silent lives for so many of its send time-outs.
 PATIENCE: Final = 3
-#: A master that asks for less is told this.
+#: The answer to a master that asks for less.
 LEAST_SEND_TIMEOUT_NS: Final = 100_000_000
 
 

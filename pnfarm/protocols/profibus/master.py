@@ -174,7 +174,7 @@ class _Pending:
 class Master:
     """See the module's docstring.
 
-    :meth:`to_send` gives a request when the line is free for it; :meth:`sent` tells when it left.
+    :meth:`to_send` gives a request when the line is free for it; :meth:`sent` is called when it left.
     """
 
     def __init__(self, settings: MasterSettings, plans: list[SlavePlan]) -> None:

@@ -1,4 +1,4 @@
-// The farm as the live stream tells it: one stream for the page, of all drives, and of the drive or device that is looked at.
+// The farm as the live stream reports it: one stream for the page, of all drives, and of the drive or device that is looked at.
 import {get} from "./api.js";
 
 export const HISTORY = 60;

@@ -9,7 +9,7 @@ SESSION    the answer to RegisterSession
 IDENTITY   the device's identity
 OPEN       the answer to Forward_Open
 DATA       the end of the cyclic connection
-IDLE       two packet intervals, in which the device is told of the end: idle
+IDLE       two packet intervals, in which the device learns of the end: idle
 CLOSE      the answer to Forward_Close
 STOPPED    nothing
 =========  =================================================================

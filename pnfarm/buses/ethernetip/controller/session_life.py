@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SessionLife"]
 
-#: Vendor id of the scanner; with its serial number it tells its connections from those of others.  No vendor has it.
+#: Vendor id of the scanner; with its serial number it distinguishes its connections from those of others.  No vendor has it.
 VENDOR_ID: Final = 0xFFFF
 #: A TCP connection on one wire needs no longer; a device that is not there yet is asked again by a new one.
 STREAM_NS: Final = 500_000_000
@@ -253,7 +253,7 @@ class SessionLife(Life[DeviceSession]):
         self.note(session, events.ConnectionBroken(reason), now)
 
     def _unreached(self, session: DeviceSession, reason: str, now: int) -> None:
-        """A device that is not there yet, or not any more: told once, and sought again and again."""
+        """A device that is not there yet, or not any more: reported once, and searched again and again."""
         if session.measures.lost_ns is None:
             session.measures.last_reason = reason
         if session.told != reason:

@@ -36,7 +36,7 @@ _USED: Final = {ClaimState.BOUND, ClaimState.CONTESTED, ClaimState.RECHECKING}
 class DeviceAddress:
     """``detects``: conflicts are looked for; ``answers``: ARP requests are answered here, not by the link.
 
-    ``conflict(octets)`` is told attribute 11 whenever it changes.
+    ``conflict(octets)`` is called with attribute 11 whenever it changes.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
 """PROFIBUS's part of the capture decoder: telegrams of a line, one to a packet (LINKTYPE_PROFIBUS_DL).
 
-An answer names neither its service nor, where it is short, its station: what was asked last tells.
+An answer names neither its service nor, where it is short, its station: what was asked last decides.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class _Asked:
 
 @dataclass(slots=True)
 class _Slave:
-    """What the capture has told of one slave so far."""
+    """What the capture has shown of one slave so far."""
 
     model: Model | None = None
     identifiers: bytes = b""

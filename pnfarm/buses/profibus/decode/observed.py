@@ -1,6 +1,6 @@
 """Which slaves were on a line and what their master wanted of them: what a capture says of a plant, for a farm file.
 
-The decoder tells each fact as it finds it; of each slave the last one counts.
+The decoder reports each fact as it finds it; of each slave the last one counts.
 """
 
 from __future__ import annotations

@@ -339,7 +339,7 @@ class ProfibusDevice:
             self.note(now, WatchdogExpired(silent, own, connection=self.number))
         self._ended(LOST_EXPIRED if event.why == WATCHDOG else LOST_CLOSED)
         if not event.exchanged:
-            # the log is told of data exchange only
+            # the log has data exchange only
             self.station.visits.closed(self.number, event.why)
             return
         if event.why == UNLOCKED:

@@ -99,7 +99,7 @@ class BaudRateFound(Event):
 
 @event("seeking baud rate")
 class BaudRateLost(Event):
-    """The line has been silent, or told nothing but garbage: the slave seeks the baud rate."""
+    """The line has been silent, or carried nothing but garbage: the slave seeks the baud rate."""
 
 
 @event("acyclic connection opened")

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["CyclicImage"]
 
 
-#: Intervals between outputs of which the mean is told.
+#: Intervals between outputs of which the mean is reported.
 AVERAGED = 32
 
 
@@ -66,7 +66,7 @@ class _Words:
 class CyclicImage:
     """``image``: the drive's record of the process image.  The counters survive connections and power cycles.
 
-    ``on_cycle`` is told the mean interval between outputs, ns, of every :data:`AVERAGED` of them.
+    ``on_cycle`` is called with the mean interval between outputs, ns, of every :data:`AVERAGED` of them.
     """
 
     def __init__(self, image: Any, on_cycle: Callable[[int], None] | None = None) -> None:

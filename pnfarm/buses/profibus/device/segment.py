@@ -33,7 +33,7 @@ COUNTED = ("repeated", "diagnosis", "refused")
 class ProfibusSegment:
     """See :class:`pnfarm.buses.bus.Segment`.
 
-    A slave that is addressed gets its telegram; one that seeks the baud rate, any; the others are told that the line
+    A slave that is addressed gets its telegram; one that seeks the baud rate, any; the others learn that the line
     lives.
     """
 

@@ -95,7 +95,7 @@ class SlavePart(DrivePart):
 
     @property
     def refusals(self) -> int:
-        """How often a master was told that something does not fit, since power-on."""
+        """How often the slave reported to a master that something does not fit, since power-on."""
         return self._device.slave.refusals
 
     def noise(self, octets: bytes, now: int) -> None:

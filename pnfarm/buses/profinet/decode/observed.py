@@ -1,6 +1,6 @@
 """Who was on the wire and how it was connected: what a capture's frames say of the plant, for a farm file.
 
-The decoder tells each fact as it finds it.  Of each kind a bounded number is kept, the last of each station counts.
+The decoder reports each fact as it finds it.  Of each kind a bounded number is kept, the last of each station counts.
 """
 
 from __future__ import annotations

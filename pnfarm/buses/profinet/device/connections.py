@@ -67,7 +67,7 @@ class StationConnections:
         self.watchdog_expirations_by_farm = 0
         #: The farm's lateness when a watchdog expired, until its AR has ended, by the AR's key.
         self._expired: dict[int, Lateness] = {}
-        #: When a controller last looked for the drive since its last connection, and of which time the log was told.
+        #: When a controller last looked for the drive since its last connection, and which time the log has.
         self._sought_ns: int | None = None
         self._told_ns = 0
         self._sought_by_name = False
@@ -231,7 +231,7 @@ class StationConnections:
     def sought(self, now: int, *, by_name: bool) -> None:
         """The drive answered an Identify: for its name, or one to all, which counts while nobody asks for the name.
 
-        Many controllers and tools ask again and again; the log is told of the first one, and of the one that counts
+        Many controllers and tools ask again and again; the log has the first one, and the one that counts
         (:meth:`begins`).
         """
         if self._station.ars or (self._sought_by_name and not by_name):

@@ -1,4 +1,4 @@
-"""Data of DP of which the length, and perhaps the first octet, tells whether they are what they ought to be."""
+"""Data of DP of which the length, and perhaps the first octet, shows whether they are what they ought to be."""
 
 from typing import Any, ClassVar, Self
 

@@ -348,7 +348,7 @@ class LldpPort:
         return min(self._look_ns, self._next_ns)
 
     def only_sends(self, now: int) -> bool:
-        """Whether nothing but a frame is due by now, and nobody has yet to be told of anything."""
+        """Whether nothing but a frame is due by now, and nothing is left to report."""
         return not self._events and (self._look_ns is None or now < self._look_ns)
 
     def handle_timeout(self, now: int) -> None:

@@ -11,7 +11,7 @@ __all__ = ["KIND"]
 
 
 class WrongIdent(SlaveEffect):
-    """Confirmed by a Set_Prm that it refuses, or a diagnosis that tells the number."""
+    """Confirmed by a Set_Prm that it refuses, or a diagnosis that gives the number."""
 
     what = "ident"
 

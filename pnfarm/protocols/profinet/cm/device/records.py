@@ -121,7 +121,7 @@ def _write_contents(
 def _write(
     ar: Ar, place: tuple[int, int, int, int], data: bytes, handler: RecordHandler, now: int
 ) -> tuple[RecordError | None, RecordWritten | RecordRefused]:
-    """One record at API, slot, subslot, index: its error, and what is told of it."""
+    """One record at API, slot, subslot, index: its error, and what is reported of it."""
     error = handler.write(ar, *place, data, now)
     if error is None:
         return None, RecordWritten(ar.key, *place, data)
