@@ -18,7 +18,7 @@ COUNT, CYCLE, WATCHDOG = 64, "1ms", 64
 BEHAVIOURS = 200
 STEP_NS = 5_000_000
 #: How often all take turns: the goals compare them.
-TURNS = 2
+TURNS = 4
 
 
 def _listed(lines: list[str]) -> str:
