@@ -82,6 +82,8 @@ def plant(seconds: float, load: Load) -> list[Result]:
         behind.row("plant-64", "cores", ratio),
         Result("plant-64-ratio", ratio, "with a plant over alone", None, "<= 1.15", ratio <= 1.15),
         Result("plant-64-lateness", late, "p99 with a plant over alone", None, "<= 1.5", late <= 1.5),
-        own.row("plant-python", "cores for a model of 20 ports at 5 ms", own.over(floor), "<= 0.02", own.median <= 0.02),
+        own.row(
+            "plant-python", "cores for a model of 20 ports at 5 ms", own.over(floor), "<= 0.02", own.median <= 0.02
+        ),
         floor.row("plant-python-floor", "cores for a thread that only wakes", 1.0),
     ]

@@ -32,8 +32,8 @@ class Lateness:
 
     ``engine_ns``: ticks began late, together; ``receive_ns``: the longest time for which a received frame waited beyond
     a tick; ``loop_ns``: the longest delay of the event loop; ``stolen_ns``: the engine's thread was ready to run and
-    got no CPU, or the host gave the machine none, where the kernel reports it. Stolen time is the reason for the others and
-    is not judged by itself.  ``by_loop``: the event loop's delay counts too, because acyclic frames decide.
+    got no CPU, or the host gave the machine none, where the kernel reports it. Stolen time is the reason for the others
+    and is not judged by itself.  ``by_loop``: the event loop's delay counts too, because acyclic frames decide.
     """
 
     budget_ns: int

@@ -2,8 +2,8 @@
 
 It answers Forward_Open, Large_Forward_Open, Forward_Close and Unconnected_Send, carries the messages of class 3
 connections to the Message Router, and says by events which cyclic connections its owner has to run.  Cyclic data never
-come here; their owner reports that the first data of a connection came (``data_received``) and that its watchdog expired
-(``expired``).  Until the first data this machine keeps the time itself.
+come here; their owner reports that the first data of a connection came (``data_received``) and that its watchdog
+expired (``expired``).  Until the first data this machine keeps the time itself.
 
 The data of a class 1 connection live on UDP, so that the loss of the TCP connection by which it was opened does not
 end it; class 3 connections end with theirs.

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SessionLife"]
 
-#: Vendor id of the scanner; with its serial number it distinguishes its connections from those of others.  No vendor has it.
+#: Vendor id of the scanner; with its serial number it distinguishes its connections from others'.  No vendor has it.
 VENDOR_ID: Final = 0xFFFF
 #: A TCP connection on one wire needs no longer; a device that is not there yet is asked again by a new one.
 STREAM_NS: Final = 500_000_000
