@@ -41,6 +41,5 @@ def wake_ups(seconds: float, step_ns: int) -> float:
     end, due = begin + int(seconds * 1e9), begin
     while due < end:
         due += step_ns
-        # the wake-up is what is measured
-        time.sleep(max(0, due - time.monotonic_ns()) / 1e9)
+        time.sleep(max(0, due - time.monotonic_ns()) / 1e9)  # the end of this wait is the wake-up that is measured
     return (time.thread_time_ns() - used) / (time.monotonic_ns() - begin)

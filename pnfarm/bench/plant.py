@@ -64,7 +64,7 @@ def plant(seconds: float, load: Load) -> list[Result]:
     def turned(stations: str) -> list[dict[str, Any]]:
         with farm_and_plc(COUNT, CYCLE, WATCHDOG, stations=stations) as (farm, plc):
             found = measure(farm, plc, turn, load, WINDOWS // TURNS)[0]
-            # beside each farm, so that the caches are as full of others' memory as its model finds them
+            # beside each farm: what a wake-up costs depends on what else the machine does
             woken.append(wake_ups(turn / WINDOWS, STEP_NS))
             return found
 

@@ -65,9 +65,8 @@ class CallingThread:
                 call.duration_ns = time.perf_counter_ns() - call.began_ns
                 return
         if not isinstance(error, Interrupted):
-            time.sleep(
-                _PATIENCE_SECONDS
-            )  # the exception is on its way: it comes behind this wait, not in the thread's end
+            # the exception is on its way: it comes here, and not in the thread's end
+            time.sleep(_PATIENCE_SECONDS)
         raise Interrupted
 
     def give_up(self, call: Call) -> bool:

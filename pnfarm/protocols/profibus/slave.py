@@ -93,7 +93,6 @@ _SDA: Final = frozenset({Request.SDA_LOW, Request.SDA_HIGH})
         StationStatus.WD_ON, StationStatus.FREEZE_MODE, StationStatus.SYNC_MODE, StationStatus.EXT_DIAG_OVERFLOW,
     )
 )  # fmt: skip
-#: Longest that an answer of DP may make the others wait is in Set_Prm; longer ones are not believed.
 _NO_WATCHDOG: Final = 0
 
 

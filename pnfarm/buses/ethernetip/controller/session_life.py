@@ -253,7 +253,7 @@ class SessionLife(Life[DeviceSession]):
         self.note(session, events.ConnectionBroken(reason), now)
 
     def _unreached(self, session: DeviceSession, reason: str, now: int) -> None:
-        """A device that is not there yet, or not any more: reported once, and searched again and again."""
+        """A device that is not there yet, or not any more: reported once, and looked for again and again."""
         if session.measures.lost_ns is None:
             session.measures.last_reason = reason
         if session.told != reason:
