@@ -129,8 +129,9 @@ _READING = """\
 - `start-1024` counts from the start of both processes, each on a CPU of its own. `start-1024-farm` and
   `start-1024-farm-64` are CPU of the farm's event loop for one connection; the engine's thread, which runs
   those that exist already, is not in it.
-- `connect-storm-*` measures with `realtime: {fifo: 20}`, and with the ordinary scheduler and the niceness that engines
-  ask for. The controller that connects is busy on the same CPU with an even share of it. `connect-storm-ordinary-floor`
-  is the lateness of a minimal loop of that niceness that exchanges the frames of the 64 drives beside the same storm:
-  what the kernel does for 256 connections delays it as well, and so do the ticks of the farm's engine.
+- `connect-storm-*` measures with SCHED_FIFO, which engines ask for, and with the ordinary scheduler (`fifo: 0`) and the
+  niceness that they ask for then. The controller that connects is busy on the same CPU with an even share of it.
+  `connect-storm-ordinary-floor` is the lateness of a minimal loop of that niceness that exchanges the frames of the 64
+  drives beside the same storm: what the kernel does for 256 connections delays it as well, and so do the ticks of the
+  farm's engine.
 """

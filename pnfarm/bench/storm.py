@@ -28,8 +28,8 @@ __all__ = ["storm"]
 
 #: Two controllers behind one end of the wire.
 CALM, STORMY = "pnbcalm", "pnbstorm"
-#: Priority of the farm's engine where its lateness has a goal although another process wants the same CPU.
-STORM_FIFO = 20
+#: Engines on the farm's CPU: with what they ask for by default, and with the ordinary scheduler.
+FIRST, ORDINARY = {"cpu": FARM_CPU}, {"cpu": FARM_CPU, "fifo": 0}
 
 STORM_DRIVES = """
   - name: {name}-{{n:04}}
@@ -66,7 +66,7 @@ def _storm_files(realtime: dict[str, int], groups: str) -> tuple[str, str, str]:
     farm = STORM.format(name="bench", parent=PARENT, realtime=json.dumps(realtime), drives=groups + many)
     calm = STORM.format(name="calm", parent=PARENT, realtime=json.dumps({"cpu": PEER_CPU}), drives=RUNNING)
     calm += STORM_CONTROLLER.format(name="plc-calm", ip="10.64.255.250", interface=CALM, cycle="4ms", watchdog=400)
-    storm = STORM.format(name="storm", parent=PARENT, realtime=json.dumps({"cpu": FARM_CPU, "nice": 0}), drives=many)
+    storm = STORM.format(name="storm", parent=PARENT, realtime=json.dumps(ORDINARY | {"nice": 0}), drives=many)
     storm += STORM_CONTROLLER.format(name="plc-storm", ip="10.64.255.251", interface=STORMY, cycle="16ms", watchdog=100)
     return farm, calm, storm
 
@@ -144,11 +144,11 @@ def _storm(seconds: float, realtime: dict[str, int], load: Load) -> _Storm:
 
 def _floor_p99(seconds: float, load: Load) -> float:
     """Lateness of a minimal loop that exchanges the frames of the 64, beside the same storm; it takes about so long."""
-    farm_file, _, storm_file = _storm_files({"cpu": FARM_CPU}, "")
+    farm_file, _, storm_file = _storm_files(ORDINARY, "")
     with _line(), ExitStack() as stack:
         _child(stack, "farm", FARM_CPU, file=farm_file)
         plc = _child(stack, "plc", FARM_CPU, file=storm_file, interface_from_outside=STORMY, hold=True)
-        floor, calm = stack.enter_context(floor_ends(64, 4, 1_000_000, far=CALM))
+        floor, calm = stack.enter_context(floor_ends(64, 4, 1_000_000, far=CALM, fifo=0))
         with load:
             for child in (floor, calm):
                 child.ask(f"measure {seconds}")
@@ -161,9 +161,9 @@ def _floor_p99(seconds: float, load: Load) -> float:
 def storm(seconds: float, load: Load) -> list[Result]:
     """Connect 256 drives at once, both ends on one core, while 64 others run at 4 ms."""
     loops = [interpreter_loop(3)]
-    first = _storm(seconds, {"cpu": FARM_CPU, "fifo": STORM_FIFO}, load)
+    first = _storm(seconds, FIRST, load)
     loops.append(interpreter_loop(3))
-    other = _storm(seconds, {"cpu": FARM_CPU}, load)
+    other = _storm(seconds, ORDINARY, load)
     floor = _floor_p99(other.seconds, load)
     loops.append(interpreter_loop(3))
     loop = Windows(loops)

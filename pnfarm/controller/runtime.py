@@ -25,6 +25,7 @@ from pnfarm.controller.program_file import program_of, program_settings
 from pnfarm.controller.program_runner import ProgramRunner
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
 from pnfarm.errors import ConfigError
+from pnfarm.farm.events import RealTimeOptionTakenBack
 from pnfarm.farm.farm import realtime_settings
 from pnfarm.farm.file.choice import bus_of_controller, titles
 from pnfarm.farm.file.reading import FarmConfig, expand, expand_devices, load_farm
@@ -143,9 +144,13 @@ class _Station:
         host = ControllerHost(self.link, port, log, seed=os.urandom(16), lldp=self._lldp)
         return planned.bus.controller(planned.plan, host)
 
-    async def start(self, core: Controller, settings: RealTimeSettings) -> None:
+    async def start(self, core: Controller, settings: RealTimeSettings, log: EventLog) -> None:
         """Start the engine, begin to search for the drives."""
-        self.driver = RealTimeDriver(core, settings)
+
+        def overloaded(what: str, why: str) -> None:
+            log.record(time.monotonic_ns(), "", RealTimeOptionTakenBack(what, why))
+
+        self.driver = RealTimeDriver(core, settings, overloaded=overloaded)
         await self.driver.start()
         core.start(time.monotonic_ns())
         self.driver.poke()
@@ -256,7 +261,7 @@ class Plc:
             cores = [await station.open(one, self.log) for station, one in zip(self._stations, planned, strict=True)]
             self._controllers = Controllers(planned, cores)
             for station, core in zip(self._stations, cores, strict=True):
-                await station.start(core, self._settings)
+                await station.start(core, self._settings, self.log)
             if own is not None and kind is not None:
                 self._start_programs(kind, own.limit_ns)
         except BaseException:

@@ -8,6 +8,7 @@ import platform
 import socket
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -98,7 +99,9 @@ class RealTimeSettings:
     """What the engine requests from the kernel; each may be refused, which is reported."""
 
     cpu: int | None = None
-    fifo_priority: int | None = None
+    #: Of SCHED_FIFO; 0 is the ordinary scheduler, which also serves where the kernel refuses this.  The lowest one goes
+    #: before all that is not real time, and behind the kernel's threads for interrupts.
+    fifo_priority: int = 1
     lock_memory: bool = False
     timer_slack_ns: int | None = 1
     #: Time slice of the ordinary scheduler: a short one lets the engine's ticks interrupt a busy neighbour on its CPU.
@@ -116,7 +119,17 @@ class RealTimeReport:
     granted: list[str] = field(default_factory=list)
     refused: dict[str, str] = field(default_factory=dict)
 
+    def note(self, name: str, error: str | None) -> bool:
+        """Whether it was granted, which is without an error."""
+        if error is None:
+            self.granted.append(name)
+        else:
+            self.refused[name] = error
+        return error is None
 
+
+#: A thread of SCHED_FIFO that is in its ticks for this share of the time, at so many looks in turn, has too much to do.
+MOST_SHARE, BUSY_LOOKS = 0.9, 4
 PR_SET_TIMERSLACK = 29
 MCL_CURRENT, MCL_FUTURE = 1, 2
 
@@ -140,16 +153,16 @@ class _SchedAttr(ctypes.Structure):
     )
 
 
-def _ask_nice(nice: int) -> str | None:
-    """Set this thread's nice value; the reason if it is refused, else None."""
+def _asked(ask: Callable[[], Any]) -> str | None:
+    """Why the kernel refused it; None if it did not."""
     try:
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), nice)
+        ask()
     except OSError as exc:
         return exc.strerror
     return None
 
 
-def _ask_slice(libc: ctypes.CDLL, slice_ns: int) -> str | None:
+def _ask_slice(libc: ctypes.CDLL, thread: int, slice_ns: int) -> str | None:
     """Set the slice of the ordinary scheduler; the reason if it is refused, else None.
 
     Kernels before 6.12 accept the call and change nothing.
@@ -157,45 +170,42 @@ def _ask_slice(libc: ctypes.CDLL, slice_ns: int) -> str | None:
     number = SYS_SCHED_SETATTR.get(platform.machine())
     if number is None:
         return f"not known on {platform.machine()}"
-    nice = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+    nice = os.getpriority(os.PRIO_PROCESS, thread)
     attr = _SchedAttr(ctypes.sizeof(_SchedAttr), os.SCHED_OTHER, 0, nice, 0, slice_ns, 0, 0)
-    failed = libc.syscall(number, 0, ctypes.byref(attr), 0)
+    failed = libc.syscall(number, thread, ctypes.byref(attr), 0)
     return os.strerror(ctypes.get_errno()) if failed else None
+
+
+def _ask_ordinary(libc: ctypes.CDLL, thread: int, settings: RealTimeSettings, report: RealTimeReport) -> None:
+    """What the thread shall have of the ordinary scheduler."""
+    if (nice := settings.nice) is not None:
+        report.note(f"nice {nice}", _asked(lambda: os.setpriority(os.PRIO_PROCESS, thread, nice)))
+    if settings.slice_ns is not None:
+        report.note(f"slice {settings.slice_ns} ns", _ask_slice(libc, thread, settings.slice_ns))
 
 
 def ask_kernel(settings: RealTimeSettings, report: RealTimeReport) -> None:
     """Request scheduling and memory settings; runs in the engine's thread, to which they apply."""
     libc = ctypes.CDLL(None, use_errno=True)
-
-    def note(name: str, error: str | None) -> None:
-        if error is None:
-            report.granted.append(name)
-        else:
-            report.refused[name] = error
-
-    if settings.cpu is not None:
-        try:
-            os.sched_setaffinity(0, {settings.cpu})
-            note(f"cpu {settings.cpu}", None)
-        except OSError as exc:
-            note(f"cpu {settings.cpu}", exc.strerror)
-    if settings.fifo_priority is not None:
-        try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(settings.fifo_priority))
-            note(f"SCHED_FIFO {settings.fifo_priority}", None)
-        except OSError as exc:
-            note(f"SCHED_FIFO {settings.fifo_priority}", exc.strerror)
-    else:
-        if settings.nice is not None:
-            note(f"nice {settings.nice}", _ask_nice(settings.nice))
-        if settings.slice_ns is not None:
-            note(f"slice {settings.slice_ns} ns", _ask_slice(libc, settings.slice_ns))
+    if (cpu := settings.cpu) is not None:
+        report.note(f"cpu {cpu}", _asked(lambda: os.sched_setaffinity(0, {cpu})))
+    priority = settings.fifo_priority
+    if not priority or not report.note(_fifo(priority), _asked(lambda: _set_policy(0, os.SCHED_FIFO, priority))):
+        _ask_ordinary(libc, threading.get_native_id(), settings, report)
     if settings.lock_memory:
         failed = libc.mlockall(MCL_CURRENT | MCL_FUTURE)
-        note("mlockall", os.strerror(ctypes.get_errno()) if failed else None)
+        report.note("mlockall", os.strerror(ctypes.get_errno()) if failed else None)
     if settings.timer_slack_ns is not None:
         failed = libc.prctl(PR_SET_TIMERSLACK, settings.timer_slack_ns, 0, 0, 0)
-        note(f"timer slack {settings.timer_slack_ns} ns", os.strerror(ctypes.get_errno()) if failed else None)
+        report.note(f"timer slack {settings.timer_slack_ns} ns", os.strerror(ctypes.get_errno()) if failed else None)
+
+
+def _fifo(priority: int) -> str:
+    return f"SCHED_FIFO {priority}"
+
+
+def _set_policy(thread: int, policy: int, priority: int) -> None:
+    os.sched_setscheduler(thread, policy, os.sched_param(priority))
 
 
 class RealTimeEngine:
@@ -228,6 +238,9 @@ class RealTimeEngine:
         #: The kernel's number of the engine's thread, 0 before it runs.
         self.thread_id = 0
         self._ready = threading.Event()
+        #: When and with what ``busy_ns`` :meth:`overloaded` was last called, and how often in turn it was busy.
+        self._looked = (0, 0)
+        self._busy = 0
 
     @property
     def running(self) -> bool:
@@ -265,6 +278,23 @@ class RealTimeEngine:
         """Raise :class:`InternalError` if the thread ended by an exception."""
         if self._failure is not None:
             raise InternalError(f"the engine's thread ended: {self._failure!r}") from self._failure
+
+    def overloaded(self) -> str:
+        """Give the thread back to the ordinary scheduler if it keeps its CPU for itself; then the reason, else "".
+
+        To be called at intervals.  Threads of the kernel that belong to this CPU would wait for it.
+        """
+        name = _fifo(self.settings.fifo_priority)
+        now, busy = time.monotonic_ns(), int(self.columns.engine[0].busy_ns)
+        (then, before), self._looked = self._looked, (now, busy)
+        share = (busy - before) / max(1, now - then)
+        self._busy = self._busy + 1 if share >= MOST_SHARE else 0
+        if self._busy < BUSY_LOOKS or name not in self.report.granted:
+            return ""
+        _set_policy(self.thread_id, os.SCHED_OTHER, 0)
+        self.report.granted.remove(name)
+        _ask_ordinary(ctypes.CDLL(None, use_errno=True), self.thread_id, self.settings, self.report)
+        return f"the engine needs {share:.0%} of its CPU"
 
     def stop(self) -> None:
         """Ask the thread to return and wait for it (at most one tick, 5 s for a machine under load)."""

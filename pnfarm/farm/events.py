@@ -29,6 +29,7 @@ __all__ = [
     "OpcUaFailed",
     "OpcUaListening",
     "RealTimeOptionRefused",
+    "RealTimeOptionTakenBack",
     "StateRestored",
     "StateSaved",
 ]
@@ -151,6 +152,14 @@ class RealTimeOptionRefused(Event):
     @property
     def level(self) -> Level:
         return "warning" if self.asked else "info"
+
+
+@event("real-time option taken back", "warning")
+class RealTimeOptionTakenBack(Event):
+    """The engine has the ordinary scheduler from now on, so that the machine's other work is done, too."""
+
+    option: str
+    reason: str
 
 
 @event("memory away", "warning")

@@ -41,6 +41,7 @@ from pnfarm.farm.events import (
     LineOpened,
     LineReady,
     RealTimeOptionRefused,
+    RealTimeOptionTakenBack,
 )
 from pnfarm.farm.file.places import places_of
 from pnfarm.farm.file.reading import FarmConfig, expand_all, load_farm
@@ -163,6 +164,12 @@ def realtime_settings(config: FarmConfig) -> RealTimeSettings:
         nice=section.nice,
         timestamps=section.timestamps,
     )
+
+
+#: What is requested from the kernel, by its first word, and the key of the file that asks for it.
+_REALTIME_OPTIONS = {
+    "cpu": "cpu", "SCHED_FIFO": "fifo", "nice": "nice", "mlockall": "mlockall", "timer": "timer_slack_ns",
+}  # fmt: skip
 
 
 class Farm:
@@ -373,7 +380,7 @@ class Farm:
         """What lets time pass; returns the farm's time at its start."""
         if self.world is None:
             settings = realtime_settings(self.config)
-            self._driver = RealTimeDriver(core, settings, lateness=core.lateness)
+            self._driver = RealTimeDriver(core, settings, lateness=core.lateness, overloaded=self._overloaded)
             return time.monotonic_ns()
         self.world.join(core, ports)
         for join in self.on_world:
@@ -412,8 +419,11 @@ class Farm:
             self.log.record(now, "", CaptureStarted(str(self.capture.path)))
         asked = self.config.realtime.model_fields_set
         for what, why in refused.items():
-            by_default = what.startswith("nice") and "nice" not in asked
-            self.log.record(now, "", RealTimeOptionRefused(what, why, asked=not by_default))
+            option = _REALTIME_OPTIONS.get(what.partition(" ")[0])
+            self.log.record(now, "", RealTimeOptionRefused(what, why, asked=option in asked))
+
+    def _overloaded(self, what: str, why: str) -> None:
+        self.log.record(self.now(), "", RealTimeOptionTakenBack(what, why))
 
     def _answers_withheld(self, where: str, count: int, latest_ns: int) -> None:
         self.log.record(self.now(), "", AnswersWithheld(where, count, latest_ns / 1e9))

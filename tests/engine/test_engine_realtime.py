@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from virtual_pair import Pair
 
+from pnfarm.engine import realtime
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 
 
@@ -35,7 +36,7 @@ def niceness(thread: int) -> int:
 def test_only_the_engines_thread_is_nicer():
     own = os.getpriority(os.PRIO_PROCESS, 0)
     nicer = min(own + 3, 19)
-    with started(RealTimeSettings(nice=nicer)) as (engine, thread):
+    with started(RealTimeSettings(fifo_priority=0, nice=nicer)) as (engine, thread):
         assert engine.report.refused == {}
         assert niceness(thread) == nicer
         assert os.getpriority(os.PRIO_PROCESS, 0) == own
@@ -43,14 +44,36 @@ def test_only_the_engines_thread_is_nicer():
 
 def test_a_larger_share_is_granted_or_its_refusal_told():
     own = os.getpriority(os.PRIO_PROCESS, 0)
-    with started(RealTimeSettings(nice=-11)) as (engine, thread):
+    with started(RealTimeSettings(fifo_priority=0, nice=-11)) as (engine, thread):
         assert ("nice -11" in engine.report.granted) == (niceness(thread) == -11)
         assert ("nice -11" in engine.report.refused) == (niceness(thread) == own)
 
 
-@pytest.mark.parametrize("settings", [RealTimeSettings(nice=None), RealTimeSettings(nice=None, slice_ns=None)])
-def test_what_is_not_asked_for_stays_as_it_was(settings):
+@pytest.mark.parametrize("slice_ns", [100_000, None])
+def test_what_is_not_asked_for_stays_as_it_was(slice_ns):
     own = os.getpriority(os.PRIO_PROCESS, 0)
-    with started(settings) as (engine, thread):
+    with started(RealTimeSettings(fifo_priority=0, nice=None, slice_ns=slice_ns)) as (engine, thread):
+        assert os.sched_getscheduler(thread) == os.SCHED_OTHER
         assert niceness(thread) == own
         assert not any(name.startswith("nice") for name in engine.report.granted)
+
+
+def test_the_engine_goes_before_what_is_not_real_time_or_its_refusal_is_told():
+    with started(RealTimeSettings()) as (engine, thread):
+        granted = os.sched_getscheduler(thread) == os.SCHED_FIFO
+        assert ("SCHED_FIFO 1" in engine.report.granted) == granted
+        assert ("SCHED_FIFO 1" in engine.report.refused) == (not granted)
+        shared = "nice -11" in {*engine.report.granted, *engine.report.refused}
+        assert shared == (not granted), "a refused priority leaves what the ordinary scheduler has"
+
+
+def test_an_engine_that_keeps_its_processor_for_itself_is_given_back_to_the_ordinary_scheduler(monkeypatch):
+    with started(RealTimeSettings()) as (engine, thread):
+        granted = "SCHED_FIFO 1" in engine.report.granted
+        assert not any(engine.overloaded() for _ in range(2 * realtime.BUSY_LOOKS)), "it has nothing to do"
+        monkeypatch.setattr(realtime, "MOST_SHARE", 0.0)
+        found = [engine.overloaded() for _ in range(2 * realtime.BUSY_LOOKS)]
+        said = [place for place, why in enumerate(found) if why]
+        assert said == ([realtime.BUSY_LOOKS - 1] if granted else []), "not at once, and once"
+        assert os.sched_getscheduler(thread) == os.SCHED_OTHER
+        assert "SCHED_FIFO 1" not in engine.report.granted

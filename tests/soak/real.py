@@ -414,8 +414,8 @@ class RealRun:
         """When a controller's process did not run: a reason for what it lost."""
         with self.lock:
             for name, losses in (("controller", self.losses), ("line controller", self.line_losses)):
-                for begin, seconds in self.sides[name].stood() if name in self.sides else ():
-                    losses.stood(f"the {name} did not run", begin, seconds)
+                for what, begin, seconds in self.sides[name].stood() if name in self.sides else ():
+                    losses.stood(f"the {name}'s {what} did not run", begin, seconds)
 
     def _keep_unexplained(self) -> None:
         """What the controller has to say to losses without a reason."""

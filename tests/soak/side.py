@@ -94,8 +94,9 @@ class Side:
             time.sleep(0.2)
         raise SoakError(f"the {self.name} has noted nothing for {STOP_SECONDS:g} s")
 
-    def stood(self) -> list[tuple[float, float]]:
-        """When it did not run, by the wall clock, and for how long: all that it noted and that was not asked yet."""
+    def stood(self) -> list[tuple[str, float, float]]:
+        """When its process or its engine did not run, by the wall clock, and for how long, s: all that it noted and
+        that was not asked yet."""
         if not self.notes.exists():
             return []
         with self.notes.open("rb") as file:
@@ -103,7 +104,9 @@ class Side:
             new = file.read()
         whole = new[: new.rfind(b"\n") + 1]
         self._asked += len(whole)
-        return [(begin, seconds) for line in whole.splitlines() for begin, seconds in json.loads(line)["stood"]]
+        return [
+            (what, begin, seconds) for one in whole.splitlines() for what, begin, seconds in json.loads(one)["stood"]
+        ]
 
     def paused(self, since: float, until: float) -> float:
         """The longest time between two notes in a time of the wall clock: so long the process did not run."""

@@ -15,11 +15,14 @@ import time
 from pathlib import Path
 from typing import Any
 
+from pnfarm.table.late import LATE_ROWS
 from tests.soak.holdings import of_controllers, of_farm, of_hub, of_process
 
 _PR_SET_PDEATHSIG = 1
 #: Between two looks at the clock, and what a look may be late.
 LOOK_SECONDS, STOOD_SECONDS = 0.1, 0.25
+#: What ticks of an engine may be late within some ms.
+LATE_SECONDS = 0.04
 #: Objects of the program, noted when it makes them.
 _made: dict[str, Any] = {}
 
@@ -40,29 +43,53 @@ def _note_cores(command: str) -> None:
     from pnfarm.controller.runtime import Plc
     from pnfarm.farm.farm import Farm
 
-    for kind, count in ((Farm, lambda farm: of_farm(farm.core)), (Plc, lambda plc: of_controllers(plc.controllers))):
+    def of_plc(plc: Any) -> dict[str, Any]:
+        return of_controllers(plc.controllers)
+
+    for kind, count, cores in (
+        (Farm, lambda farm: of_farm(farm.core), lambda farm: [farm.core]),
+        (Plc, of_plc, lambda plc: list(plc.controllers)),
+    ):
         opened = kind.open
 
-        async def opening(self: Any, opened: Any = opened, count: Any = count) -> None:
+        async def opening(self: Any, opened: Any = opened, count: Any = count, cores: Any = cores) -> None:
             await opened(self)
+            _made["engines"] = [_Engine(core.columns) for core in cores(self)]
             _made.update(count=lambda: count(self), loop=asyncio.get_running_loop())
 
         kind.open = opening
 
 
-def _stood(seconds: float) -> list[list[float]]:
+class _Engine:
+    """Reads when an engine was late."""
+
+    def __init__(self, columns: Any) -> None:
+        self._columns = columns
+        self._head = 0
+
+    def late(self) -> list[tuple[str, float, float]]:
+        """Since the last call; the times of the wall clock at which it began."""
+        head = int(self._columns.engine[0].late_head)
+        ahead = time.time() - time.monotonic()
+        new = [self._columns.late[place % LATE_ROWS] for place in range(max(self._head, head - LATE_ROWS), head)]
+        self._head = head
+        found = [(float(row.begin_ns) / 1e9 + ahead, float(row.late_ns) / 1e9) for row in new]
+        return [("engine", begin, seconds) for begin, seconds in found if seconds >= LATE_SECONDS]
+
+
+def _stood(seconds: float) -> list[tuple[str, float, float]]:
     """Let so many seconds pass; when the process did not run meanwhile, and for how long each time."""
     found = []
     end = time.monotonic() + seconds
     while (now := time.monotonic()) < end:
         time.sleep(LOOK_SECONDS)  # how late this wait ends is what is looked for
         if (late := time.monotonic() - now - LOOK_SECONDS) >= STOOD_SECONDS:
-            found.append([time.time() - late, late])
-    return found
+            found.append(("process", time.time() - late, late))
+    return [*found, *(one for engine in _made.get("engines", ()) for one in engine.late())]
 
 
 def _write(file: Path, seconds: float) -> None:
-    stood: list[list[float]] = []
+    stood: list[tuple[str, float, float]] = []
     with file.open("w", encoding="utf-8", buffering=1) as out:
         while True:
             stood += _stood(seconds)

@@ -46,10 +46,11 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=60.0, help="how long (default: 60)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--drives", type=int, default=16, help="1 to 200 (default: 16)")
+    parser.add_argument("--fifo", type=int, default=1, help="SCHED_FIFO priority of the engines; 0: none (default: 1)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="what was found, as JSON")
     options = parser.parse_args()
-    if not (0 < options.minutes < 1e4 and 1 <= options.drives <= 200):
-        parser.error("--minutes is above 0, --drives 1 to 200")
+    if not (0 < options.minutes < 1e4 and 1 <= options.drives <= 200 and 0 <= options.fifo <= 99):
+        parser.error("--minutes is above 0, --drives 1 to 200, --fifo 0 to 99")
     try:
         enter_sandbox()
     except EnvironmentError_ as exc:
@@ -70,11 +71,11 @@ def _run(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
 
     from tests.strangers.rig import PORTS, Floor, Honest, Rig
 
-    rig, wrong = Rig(folder, options.drives), []
+    rig, wrong = Rig(folder, options.drives, options.fifo), []
     late: dict[str, Counter[float]] = {"quiet": Counter(), "attacked": Counter()}
     attacks: dict[str, Counter[str]] = {}
     honest = Honest(rig)
-    stalls, floor = StallWatch(), Floor()
+    stalls, floor = StallWatch(), Floor(options.fifo)
     try:
         rig.open()
         # connections are set up to their last phase

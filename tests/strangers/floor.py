@@ -1,7 +1,8 @@
 """A minimal loop beside the farm: how late a thread of this machine is that does nothing but wake each millisecond.
 
-``python -m tests.strangers.floor`` asks the kernel for what the engine asks for.  A line on its standard input is the
-name of the time that has just passed; at its end it prints the p99 of each name in seconds, as a JSON object.
+``python -m tests.strangers.floor FIFO`` asks the kernel for what the engine asks for, with this priority. A line on its
+standard input is the name of the time that has just passed; at its end it prints the p99 of each name in seconds, as a
+JSON object.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def main() -> int:
         ended.set()
 
     threading.Thread(target=read, daemon=True).start()
-    ask_kernel(RealTimeSettings(), RealTimeReport())
+    ask_kernel(RealTimeSettings(fifo_priority=int(sys.argv[1])), RealTimeReport())
     due = time.monotonic_ns()
     while not ended.is_set():
         due += TICK_NS

@@ -28,6 +28,7 @@ FARM = """\
 farm: strangers
 link: {{kind: veth}}
 api: 127.0.0.1:{port}
+realtime: {{fifo: {fifo}}}
 drives:
   - {{name: "akd-{{n:02}}", count: {drives}, model: akd-profinet, ip: 10.77.0.11/23}}
 controller:
@@ -43,9 +44,9 @@ START_SECONDS, ANSWER_SECONDS = 300.0, 30.0
 class Floor:
     """A minimal loop in a process of its own (:mod:`tests.strangers.floor`)."""
 
-    def __init__(self) -> None:
+    def __init__(self, fifo: int) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.strangers.floor"],
+            [sys.executable, "-m", "tests.strangers.floor", str(fifo)],
             cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
 
@@ -64,8 +65,8 @@ class Floor:
 class Rig:
     """Made by :meth:`open`; ``secrets``: those of the tokens by name."""
 
-    def __init__(self, folder: Path, drives: int) -> None:
-        self._folder, self._drives = folder, drives
+    def __init__(self, folder: Path, drives: int, fifo: int) -> None:
+        self._folder, self._drives, self._fifo = folder, drives, fifo
         self._stack = ExitStack()
         self.sides: dict[str, Side] = {}
         self.audits = {name: folder / f"{name}-audit.jsonl" for name in PORTS}
@@ -79,7 +80,7 @@ class Rig:
     def open(self) -> None:
         """Start all, and wait until every drive is in operation."""
         file = self._folder / "strangers.pnfarm.yml"
-        file.write_text(FARM.format(port=PORTS["farm"], drives=self._drives))
+        file.write_text(FARM.format(port=PORTS["farm"], drives=self._drives, fifo=self._fifo))
         served = [*self._served, "--tokens", self._tokens]
         self._start("farm", "up", file, *served, "--audit", self.audits["farm"])
         self._wait("the farm is up", lambda: self.ask("farm", "GET", "/api/v1/readyz")[0] == 200)
@@ -133,7 +134,7 @@ class Rig:
         expired, by_farm = (sum(drive[f"watchdog_expirations{of}"] for drive in drives) for of in ("", "_by_farm"))
         said = [f"aborts {dict(reasons)}, watchdogs expired {expired}, by the farm's lateness {by_farm}"]
         for name, side in self.sides.items():
-            said += [f"the {name} did not run for {length:.2f} s" for _, length in side.stood()]
+            said += [f"the {name}'s {what} did not run for {length:.2f} s" for what, _, length in side.stood()]
         lines = [line for line in self.sides["farm"].log.last if "watchdog expired" in line or "ar aborted" in line]
         return [*said, *lines[-4:]]
 

@@ -110,7 +110,7 @@ def up(
         setting(
             "--realtime-fifo",
             "PNFARM_UP_REALTIME_FIFO",
-            "SCHED_FIFO priority of the engine, 1 to 99.",
+            "SCHED_FIFO priority of the engine, 1 to 99; 0: the ordinary scheduler.",
             metavar="PRIORITY",
         ),
     ] = None,

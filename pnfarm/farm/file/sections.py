@@ -165,14 +165,19 @@ class Realtime(Section):
     """How the cyclic engine's thread runs.  `pnfarm doctor` says what this machine permits."""
 
     cpu: int | None = Field(default=None, ge=0, le=4095, description="CPU to run on; left out, any.")
-    fifo: int | None = Field(
-        default=None, ge=1, le=99, description="SCHED_FIFO priority; left out, the ordinary scheduler."
+    fifo: int = Field(
+        default=1,
+        ge=0,
+        le=99,
+        description="SCHED_FIFO priority of the engine's thread, where the system permits it; 0 for the ordinary "
+        "scheduler.",
     )
     nice: int | None = Field(
         default=-11,
         ge=-20,
         le=19,
-        description="Niceness of the engine's thread with the ordinary scheduler; the system may refuse it.",
+        description="Niceness of the engine's thread with `fifo: 0`, or where the system refuses SCHED_FIFO; it may "
+        "refuse this, too.",
     )
     mlockall: bool = Field(default=False, description="Lock all memory in RAM.")
     timestamps: bool = Field(
