@@ -1,6 +1,7 @@
-"""The record of the farm's own lateness: the engine's from the table, the event loop's and stolen time as told.
+"""The record of the farm's own lateness: the engine's from the table; the event loop's, serial lines' and stolen time
+as reported.
 
-Nobody tells anything in virtual time, and only the loops of real time write the ring: there the farm is never late.
+Nobody reports anything in virtual time, and only the loops of real time write the ring: there the farm is never late.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ class LatenessRecord:
         self._columns = columns
         self._loop: deque[tuple[int, int]] = deque(maxlen=LOOP_ENTRIES)
         self._plant: deque[tuple[int, int]] = deque(maxlen=LOOP_ENTRIES)
+        self._lines: deque[tuple[int, int]] = deque(maxlen=LOOP_ENTRIES)
         self._stolen: deque[tuple[int, int]] = deque(maxlen=SAMPLES)
         self.sample: Callable[[], None] | None = None
 
@@ -72,18 +74,29 @@ class LatenessRecord:
         if late_ns > LATE_NS:
             self._plant.append((now, late_ns))
 
+    def lines_late(self, now: int, late_ns: int) -> None:
+        """The kernel carried an octet by ``now`` that had waited ``late_ns``."""
+        if late_ns > LATE_NS:
+            self._lines.append((now, late_ns))
+
     def stolen(self, now: int, total_ns: int) -> None:
         """Stolen time so far, as read at ``now``."""
         self._stolen.append((now, total_ns))
 
-    def between(self, begin: int, end: int, budget_ns: int, *, by_loop: bool = False, loop_ns: int = 0) -> Lateness:
-        """How late the farm was from ``begin`` to ``end``; ``loop_ns`` is a delay of the event loop known besides."""
+    def between(
+        self, begin: int, end: int, budget_ns: int, *, by_loop: bool = False, by_lines: bool = False, loop_ns: int = 0
+    ) -> Lateness:
+        """How late the farm was from ``begin`` to ``end``; ``loop_ns`` is a delay of the event loop known besides.
+
+        ``by_loop``: the event loop's delay counts; ``by_lines``: that of serial lines in the kernel does.
+        """
         if self.sample is not None:
             self.sample()
         engine_ns, receive_ns = self._engine(begin, end)
         loop = _longest(self._loop, begin, end)
         stolen = self._stolen_between(begin, end)
-        return Lateness(budget_ns, engine_ns, receive_ns, max(loop, loop_ns, 0), stolen, by_loop)
+        lines = _longest(self._lines, begin, end) if by_lines else 0
+        return Lateness(budget_ns, engine_ns, receive_ns, max(loop, loop_ns, 0), stolen, lines, by_loop)
 
     def plant_between(self, begin: int, end: int) -> int:
         """The longest delay of a model of the plant, ns; the drives do not wait for it."""

@@ -41,10 +41,10 @@ def farm_lateness(
     """How late the farm was between two times of its clock; ``late`` says whether that is more than its budget.
 
     ``budget`` in ns replaces :func:`farm_budget_ns`.  The event loop's delay counts, because it delays acyclic frames,
-    faults and readings.  In virtual time the farm is never late.
+    faults and readings, and so does that of serial lines in the kernel.  In virtual time the farm is never late.
     """
     allowed = farm_budget_ns(core, drive) if budget is None else budget
-    return core.lateness.between(begin_ns, end_ns, allowed, by_loop=True)
+    return core.lateness.between(begin_ns, end_ns, allowed, by_loop=True, by_lines=True)
 
 
 class StolenTime:

@@ -28,6 +28,7 @@ from pnfarm.links.base import EngineLink, unwrap
 from pnfarm.links.egress import egress_of
 from pnfarm.links.joined import lines_of
 from pnfarm.links.kernel.linux import PacketLink
+from pnfarm.links.serial.carried import CarriedOctets
 from pnfarm.links.serial.link import SerialLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.links.tap import TapLink
@@ -112,7 +113,7 @@ class RealTimeDriver:
             sockets.set_user(self._socket_event)
         if self._lateness is not None:
             thread = self.engine.thread_id if self.engine else threading.get_native_id()
-            self._heartbeat = _Heartbeat(self._lateness, thread)
+            self._heartbeat = _Heartbeat(self._lateness, thread, lines=bool(lines_of(self.node.link)))
             self._heartbeat.start()
         self._guard(self._service)
         self._check(loop)
@@ -246,11 +247,19 @@ class RealTimeDriver:
 
 
 class _Heartbeat:
-    """Reads at intervals, and when asked, how late the event loop is and how much time was stolen from the engine."""
+    """Reads at intervals, and when asked, how late the event loop is and how much time was stolen from the engine.
 
-    def __init__(self, record: LatenessRecord, thread: int) -> None:
+    With ``lines``, also how late octets of serial lines are in the kernel.
+    """
+
+    def __init__(self, record: LatenessRecord, thread: int, *, lines: bool) -> None:
         self._record = record
         self._stolen = StolenTime(thread)
+        self._carried: CarriedOctets | None = None
+        if lines:
+            # without a pty to try, as in a container without /dev/ptmx, nothing is known of the kernel's part
+            with contextlib.suppress(OSError):
+                self._carried = CarriedOctets(record.lines_late, time.monotonic_ns)
         self._due = 0
         self._handle: asyncio.TimerHandle | None = None
 
@@ -261,6 +270,8 @@ class _Heartbeat:
 
     def stop(self) -> None:
         self._record.sample = None
+        if self._carried is not None:
+            self._carried.close()
         if self._handle is not None:
             self._handle.cancel()
 
@@ -278,6 +289,8 @@ class _Heartbeat:
 
     def _beat(self) -> None:
         self.late(self._due)
+        if self._carried is not None:
+            self._carried.beat()
         self._sample()
         self._arm()
 

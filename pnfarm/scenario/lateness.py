@@ -40,6 +40,7 @@ class FarmLateness:
             "engine": max(found.engine_ns, stands),
             "frames waited": found.receive_ns,
             "event loop": found.loop_ns,
+            "serial lines in the kernel": found.lines_ns,
             "plant": plant,
             "time stolen by other programs or the host": found.stolen_ns,
         }

@@ -33,7 +33,8 @@ class Lateness:
     ``engine_ns``: ticks began late, together; ``receive_ns``: the longest time for which a received frame waited beyond
     a tick; ``loop_ns``: the longest delay of the event loop; ``stolen_ns``: the engine's thread was ready to run and
     got no CPU, or the host gave the machine none, where the kernel reports it. Stolen time is the reason for the others
-    and is not judged by itself.  ``by_loop``: the event loop's delay counts too, because acyclic frames decide.
+    and is not judged by itself.  ``lines_ns``: the longest time for which the kernel kept an octet of a serial line, if
+    that counts.  ``by_loop``: the event loop's delay counts too, because acyclic frames decide.
     """
 
     budget_ns: int
@@ -41,12 +42,13 @@ class Lateness:
     receive_ns: int = 0
     loop_ns: int = 0
     stolen_ns: int = 0
+    lines_ns: int = 0
     by_loop: bool = False
 
     @property
     def worst_ns(self) -> int:
         """What is compared with the budget."""
-        return max(self.engine_ns, self.receive_ns, self.loop_ns if self.by_loop else 0)
+        return max(self.engine_ns, self.receive_ns, self.lines_ns, self.loop_ns if self.by_loop else 0)
 
     @property
     def late(self) -> bool:
@@ -67,5 +69,6 @@ class Lateness:
             "engine_late_seconds": self.engine_ns / 1e9,
             "receive_late_seconds": self.receive_ns / 1e9,
             "loop_late_seconds": self.loop_ns / 1e9,
+            "lines_late_seconds": self.lines_ns / 1e9,
             "stolen_seconds": self.stolen_ns / 1e9,
         }

@@ -61,7 +61,7 @@ class FarmItself:
     async def health(self) -> dict[str, Any]:
         core, now = self._context.core, self._context.now()
         engine = core.columns.engine[0]
-        late = core.lateness.between(max(0, now - BACK_NS), now, 0)
+        late = core.lateness.between(max(0, now - BACK_NS), now, 0, by_lines=True)
         bounds = [edge / 1e9 for edge in LATENESS_EDGES_NS] + [None]
         return {
             "engine": engine_snapshot(core),
@@ -75,6 +75,7 @@ class FarmItself:
             "last_seconds": BACK_NS / 1e9,
             "engine_late_seconds": late.engine_ns / 1e9,
             "loop_late_seconds": late.loop_ns / 1e9,
+            "lines_late_seconds": late.lines_ns / 1e9,
             "stolen_seconds": late.stolen_ns / 1e9,
         }
 

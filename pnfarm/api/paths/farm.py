@@ -36,6 +36,7 @@ class Health(Schema):
     last_seconds: float = Field(description="How far back the following look.")
     engine_late_seconds: float = Field(description="Sum over late ticks.")
     loop_late_seconds: float = Field(description="Longest delay of the event loop.")
+    lines_late_seconds: float = Field(description="Longest time for which the kernel kept an octet of a serial line.")
     stolen_seconds: float = Field(description="Time in which the engine's thread was ready and got no CPU.")
 
 

@@ -331,9 +331,11 @@ class ProfibusDevice:
             cycle, last = max(self.cycle_ns, SHORTEST_CYCLE_NS), int(self.station.image.frame_ns)
             until = min(now, last + max(RETRIES_NS, RETRY_CYCLES * cycle))
             # the last poll itself may have been answered too late
-            own = self._lateness.between(last - cycle, until, budget_ns(cycle, cycle), by_loop=True)
+            budget = budget_ns(cycle, cycle)
+            own = self._lateness.between(last - cycle, until, budget, by_loop=True, by_lines=True)
         if event.why == WATCHDOG:
-            own = self._lateness.between(now - silent, now, budget_ns(self.cycle_ns, silent), by_loop=True)
+            budget = budget_ns(self.cycle_ns, silent)
+            own = self._lateness.between(now - silent, now, budget, by_loop=True, by_lines=True)
             self.watchdog_expirations += 1
             self.watchdog_expirations_by_farm += own.late
             self.note(now, WatchdogExpired(silent, own, connection=self.number))

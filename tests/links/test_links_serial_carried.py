@@ -1,0 +1,71 @@
+"""How long the kernel keeps octets of serial lines: an octet over a pty of the farm's own, with the test's clock."""
+
+import asyncio
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from pnfarm.links.serial.carried import CarriedOctets
+
+MS = 1_000_000
+pytestmark = pytest.mark.asyncio
+
+
+class Probe:
+    """A pty under test; ``noted``: the times and delays, ns."""
+
+    def __init__(self):
+        self.now = 0
+        self.noted = []
+        self._is_noted = asyncio.Event()
+        self.carried = CarriedOctets(self._note, lambda: self.now)
+
+    def _note(self, now, late):
+        self.noted.append((now, late))
+        self._is_noted.set()
+
+    def beat(self, now):
+        self.now = now
+        self.carried.beat()
+
+    async def came(self, now):
+        """Read what the kernel has carried; that is at ``now``."""
+        self.now = now
+        self._is_noted.clear()
+        await asyncio.wait_for(self._is_noted.wait(), 60)
+
+    def close(self):
+        self.carried.close()
+
+
+def open_files():
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+async def test_an_octet_that_waited_is_noted_with_its_time():
+    with closing(Probe()) as probe:
+        probe.beat(0)
+        await probe.came(300 * MS)
+        probe.beat(300 * MS)
+        await probe.came(300 * MS)
+        assert probe.noted == [(300 * MS, 300 * MS), (300 * MS, 0)]
+
+
+async def test_an_octet_under_way_is_noted_at_each_beat_and_no_other_one_is_sent():
+    with closing(Probe()) as probe:
+        for now in (0, 100 * MS, 200 * MS):
+            probe.beat(now)
+        await probe.came(250 * MS)
+        assert probe.noted == [(now, now) for now in (100 * MS, 200 * MS, 250 * MS)]
+
+
+async def test_nothing_of_it_is_left_behind_a_close():
+    probe = Probe()
+    before = open_files()
+    probe.beat(0)
+    probe.close()
+    probe.close()
+    assert open_files() == before - 2
+    await asyncio.sleep(0)
+    assert not probe.noted
