@@ -94,9 +94,10 @@ class Connection:
                 return Sap.RESOURCE_MANAGER, Sap.MASTER_2, b""
             case AccessState.OPENING:
                 return self._sap, Sap.MASTER_2, b""
-            case _ if self._waiting:
+            case _ if self._waiting and not self._idle_asked:
                 return self._sap, Sap.MASTER_2, self._head()
             case _:
+                # a slave that holds the answer to an Idle takes no request: it is polled for that first
                 data = b"" if self._idle_asked else bytes((Function.IDLE,))
                 self._idle_asked = True
                 return self._sap, Sap.MASTER_2, data

@@ -113,7 +113,7 @@ async def test_a_running_controller_is_asked_for_the_parameters_of_its_stations(
             2, "pnfarm: controller plc has no station 40; it has 11, 12\n",
         )  # fmt: skip
         code, said = await param("set", "11", "P-0964", "3")
-        assert (code, "parameter value cannot be changed (0x01)" in said) == (2, True)
+        assert (code, "parameter value cannot be changed (0x01)" in said) == (2, True), said
         assert plc.core.all_connected
         assert [station.device.connects for station in farm.core.axes] == [1, 1]
     code, said = await param("get", "11", "918")

@@ -7,7 +7,7 @@ from dp_line import IDENT, MS, DpLine
 
 from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, SlaveState
 from pnfarm.protocols.profibus.record_request import RecordRequest
-from pnfarm.protocols.profibus.slave_user import ExchangeBegan, Left, ParametersTaken
+from pnfarm.protocols.profibus.slave_user import AcyclicClosed, ExchangeBegan, Left, ParametersTaken
 from pnfarm.protocols.profibus.wire.dp import Control, DpState, Parameters, PrmStatus, StationStatus
 from pnfarm.protocols.profibus.wire.telegram import Sap, ShortAck, Telegram, parse_telegram
 
@@ -202,6 +202,20 @@ def test_records_are_written_and_read_back_while_data_are_exchanged(access):
     # a quiet connection of class 2 is kept alive by idle telegrams
     line.run(5.0)
     assert line.slaves[0].class_two.open == ([] if access == "class-1" else [(1, 0)])
+
+
+def test_a_request_beside_an_idle_telegram_is_answered_in_the_same_connection():
+    line = DpLine(1, access="class-2")
+    line.run(1.0, until=lambda: line.exchanging)
+    for offset in range(40):
+        # an Idle is due half a second behind the last telegram, and its answer is fetched by a poll of its own
+        line.run(0.48 + offset / 1000)
+        read = RecordRequest.read(0, 47, 10)
+        line.master.ask("s0", read, line.now)
+        assert line.run(1.0, until=lambda: read.done)
+        assert read.ok, f"asked {480 + offset} ms later: {read.error}"
+    ended = [event for event in line.slaves[0].take_events() if isinstance(event, AcyclicClosed)]
+    assert (ended, line.slaves[0].class_two.open) == ([], [(1, 0)])
 
 
 def test_a_connection_of_a_lost_master_ends_by_time():
