@@ -212,7 +212,7 @@ def test_a_request_beside_an_idle_telegram_is_answered_in_the_same_connection():
         line.run(0.48 + offset / 1000)
         read = RecordRequest.read(0, 47, 10)
         line.master.ask("s0", read, line.now)
-        assert line.run(1.0, until=lambda: read.done)
+        assert line.run(1.0, until=lambda read=read: read.done)
         assert read.ok, f"asked {480 + offset} ms later: {read.error}"
     ended = [event for event in line.slaves[0].take_events() if isinstance(event, AcyclicClosed)]
     assert (ended, line.slaves[0].class_two.open) == ([], [(1, 0)])
