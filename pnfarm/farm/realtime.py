@@ -28,7 +28,7 @@ from pnfarm.links.base import EngineLink, unwrap
 from pnfarm.links.egress import egress_of
 from pnfarm.links.joined import lines_of
 from pnfarm.links.kernel.linux import PacketLink
-from pnfarm.links.serial.carried import CarriedOctets
+from pnfarm.links.serial.carried import BY_TTY, CarriedOctets
 from pnfarm.links.serial.link import SerialLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.links.tap import TapLink
@@ -113,7 +113,8 @@ class RealTimeDriver:
             sockets.set_user(self._socket_event)
         if self._lateness is not None:
             thread = self.engine.thread_id if self.engine else threading.get_native_id()
-            self._heartbeat = _Heartbeat(self._lateness, thread, lines=bool(lines_of(self.node.link)))
+            ttys = any(one.line.kind in BY_TTY for one in lines_of(self.node.link).values())
+            self._heartbeat = _Heartbeat(self._lateness, thread, ttys=ttys)
             self._heartbeat.start()
         self._guard(self._service)
         self._check(loop)
@@ -249,14 +250,14 @@ class RealTimeDriver:
 class _Heartbeat:
     """Reads at intervals, and when asked, how late the event loop is and how much time was stolen from the engine.
 
-    With ``lines``, also how late octets of serial lines are in the kernel.
+    With ``ttys``, also how late octets of serial lines are in the kernel.
     """
 
-    def __init__(self, record: LatenessRecord, thread: int, *, lines: bool) -> None:
+    def __init__(self, record: LatenessRecord, thread: int, *, ttys: bool) -> None:
         self._record = record
         self._stolen = StolenTime(thread)
         self._carried: CarriedOctets | None = None
-        if lines:
+        if ttys:
             # without a pty to try, as in a container without /dev/ptmx, nothing is known of the kernel's part
             with contextlib.suppress(OSError):
                 self._carried = CarriedOctets(record.lines_late, time.monotonic_ns)

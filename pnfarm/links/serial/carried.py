@@ -14,7 +14,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["CarriedOctets"]
+__all__ = ["BY_TTY", "CarriedOctets"]
+
+#: Kinds of lines whose octets go this way; those of a socket do not.
+BY_TTY = frozenset({"pty", "port"})
 
 
 class CarriedOctets:
