@@ -53,7 +53,7 @@ class Connection:
         self._send_timeout_ns = SEND_TIMEOUT_NS
         self._spoke_ns = 0
         self._idle_asked = False
-        self._begin_ns = 0
+        self._idle_ns = self._begin_ns = 0
 
     def ask(self, request: RecordRequest, now: int) -> None:
         """Queue a request; one too many fails at once."""
@@ -98,9 +98,10 @@ class Connection:
                 return self._sap, Sap.MASTER_2, self._head()
             case _:
                 # a slave that holds the answer to an Idle takes no request: it is polled for that first
-                data = b"" if self._idle_asked else bytes((Function.IDLE,))
-                self._idle_asked = True
-                return self._sap, Sap.MASTER_2, data
+                if self._idle_asked:
+                    return self._sap, Sap.MASTER_2, b""
+                self._idle_asked, self._idle_ns = True, now
+                return self._sap, Sap.MASTER_2, bytes((Function.IDLE,))
 
     def end(self) -> Access | None:
         """An Abort, after which there is no connection; None where there is none."""
@@ -167,6 +168,8 @@ class Connection:
         self._idle_asked = False
 
     def _expire(self, now: int) -> None:
+        if self._idle_asked and now - self._idle_ns >= self._timeout_ns:
+            self.lost("no answer to an Idle in time", now)
         while self._waiting and self._waiting[0].due_ns <= now:
             request = self._waiting.popleft()
             request.fail("no answer in time")

@@ -9,6 +9,7 @@ from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, D
 from pnfarm.protocols.profibus.record_request import RecordRequest
 from pnfarm.protocols.profibus.slave_user import AcyclicClosed, ExchangeBegan, Left, ParametersTaken
 from pnfarm.protocols.profibus.wire.dp import Control, DpState, Parameters, PrmStatus, StationStatus
+from pnfarm.protocols.profibus.wire.dpv1 import Function
 from pnfarm.protocols.profibus.wire.telegram import Sap, ShortAck, Telegram, parse_telegram
 
 
@@ -216,6 +217,22 @@ def test_a_request_beside_an_idle_telegram_is_answered_in_the_same_connection():
         assert read.ok, f"asked {480 + offset} ms later: {read.error}"
     ended = [event for event in line.slaves[0].take_events() if isinstance(event, AcyclicClosed)]
     assert (ended, line.slaves[0].class_two.open) == ([], [(1, 0)])
+
+
+def test_a_slave_that_does_not_answer_an_idle_telegram_is_connected_anew():
+    line = DpLine(1, access="class-2")
+    line.run(1.0, until=lambda: line.exchanging)
+    slave = line.slaves[0].class_two
+    take, deaf = slave._take, [True]
+    slave._take = lambda data, *rest: None if deaf[0] and data[0] == Function.IDLE else take(data, *rest)
+    for _ in range(2):
+        read = RecordRequest.read(0, 47, 10)
+        line.master.ask("s0", read, line.now)
+        assert line.run(10.0, until=lambda read=read: read.done)
+        assert read.ok, read.error
+        line.run(10.0)
+    deaf[0] = False
+    assert len(slave.open) <= 1, "those that it was deaf in have ended"
 
 
 def test_a_connection_of_a_lost_master_ends_by_time():
