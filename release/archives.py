@@ -33,11 +33,18 @@ def git(root: Path, *arguments: str) -> str:
     return subprocess.run(["git", "-C", str(root), *arguments], capture_output=True, text=True, check=True).stdout
 
 
-def copy_commit(root: Path, place: Path, *, old: bool = False) -> None:
-    """Put the files of the last commit of ``root`` into ``place``; ``old``: with a time long ago, and few rights."""
+def last_commit(root: Path) -> str:
+    """The commit that is built; files that are not in it are reported."""
+    if changed := git(root, "status", "--porcelain").splitlines():
+        sys.stderr.write(f"what is built is the last commit: {len(changed)} changed or new files are not in it\n")
+    return git(root, "rev-parse", "HEAD").strip()
+
+
+def copy_commit(root: Path, commit: str, place: Path, *, old: bool = False) -> None:
+    """Put the files of a commit of ``root`` into ``place``; ``old``: with a time long ago, and few rights."""
     place.mkdir(parents=True)
     archive = place.with_suffix(".tar")
-    git(root, "archive", "-o", str(archive), "HEAD")
+    git(root, "archive", "-o", str(archive), commit)
     subprocess.run(["tar", "-C", str(place), "-xf", str(archive)], check=True)
     archive.unlink()
     if old:
@@ -47,12 +54,12 @@ def copy_commit(root: Path, place: Path, *, old: bool = False) -> None:
                 os.utime(path, ns=(OLD_NS, OLD_NS))
 
 
-def build(root: Path, out: Path, targets: tuple[str, ...], *, otherwise: bool = False) -> list[Path]:
-    """Build the last commit of ``root`` into ``out``; returns what was made, by name."""
-    epoch = git(root, "log", "-1", "--format=%ct").strip()
+def build(root: Path, commit: str, out: Path, targets: tuple[str, ...], *, otherwise: bool = False) -> list[Path]:
+    """Build a commit of ``root`` into ``out``; returns what was made, by name."""
+    epoch = git(root, "log", "-1", "--format=%ct", commit).strip()
     with tempfile.TemporaryDirectory(prefix="pnfarm-wheel-") as folder:
         copy = Path(folder, *(("some", "where", "else") if otherwise else ("copy",)))
-        copy_commit(root, copy, old=otherwise)
+        copy_commit(root, commit, copy, old=otherwise)
         made = Path(folder, "made")
         command = [sys.executable, "-m", "hatchling", "build", "-d", str(made)]
         # machine code is compiled anew, not taken from where the first build left it
@@ -105,15 +112,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--twice", action="store_true", help="build again in other surroundings, and compare")
     options = parser.parse_args(arguments)
     targets = tuple(options.target or ("sdist", "wheel"))
-    if changed := git(options.root, "status", "--porcelain").splitlines():
-        sys.stderr.write(f"what is built is the last commit: {len(changed)} changed or new files are not in it\n")
-    made = build(options.root, options.out, targets)
+    commit = last_commit(options.root)
+    made = build(options.root, commit, options.out, targets)
     for path in made:
         sys.stdout.write(f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path}\n")
     if not options.twice:
         return 0
     with tempfile.TemporaryDirectory(prefix="pnfarm-again-") as folder:
-        again = build(options.root, Path(folder), targets, otherwise=True)
+        again = build(options.root, commit, Path(folder), targets, otherwise=True)
         names = {path.name for path in made} ^ {path.name for path in again}
         found = [f"{name} was built only once" for name in sorted(names)]
         found += [difference(*pair) for pair in zip(made, again, strict=False) if not names]

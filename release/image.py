@@ -25,7 +25,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
 
-from archives import ROOT, copy_commit, git
+from archives import ROOT, copy_commit, git, last_commit
 
 BASE, TAG = "debian:bookworm-slim", "pnfarm:local"
 #: What a container of the image needs; the rest of its configuration names the builder.
@@ -123,12 +123,12 @@ def settle(saved: Path, out: Path, tag: str, epoch: int, keep: int) -> str:
     return f"sha256:{digest}"
 
 
-def build(root: Path, out: Path, options: argparse.Namespace, *, again: bool = False) -> str:
-    """Build the last commit of ``root`` into the archive ``out``; returns the image's id."""
-    epoch = int(git(root, "log", "-1", "--format=%ct"))
+def build(commit: str, out: Path, options: argparse.Namespace, *, again: bool = False) -> str:
+    """Build a commit into the archive ``out``; returns the image's id."""
+    epoch = int(git(options.root, "log", "-1", "--format=%ct", commit))
     with tempfile.TemporaryDirectory(prefix="pnfarm-image-") as folder:
         copy = Path(folder, *(("some", "where", "else") if again else ("copy",)))
-        copy_commit(root, copy)
+        copy_commit(options.root, commit, copy)
         given = [f"SOURCE_DATE_EPOCH={epoch}", f"BASE={options.base}", *options.build_arg]
         words = [word for argument in given for word in ("--build-arg", argument)]
         words += [f"--network={options.network}"] if options.network else []
@@ -183,15 +183,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--network", default="", help="as for docker build")
     parser.add_argument("--twice", action="store_true", help="build again without the cache, and compare")
     options = parser.parse_args(arguments)
-    if changed := git(options.root, "status", "--porcelain").splitlines():
-        sys.stderr.write(f"what is built is the last commit: {len(changed)} changed or new files are not in it\n")
-    image = build(options.root, options.out, options)
+    commit = last_commit(options.root)
+    image = build(commit, options.out, options)
     sys.stdout.write(f"{digest_of(options.out)}  {options.out}\n{image}  {options.tag}\n")
     if not options.twice:
         return 0
     with tempfile.TemporaryDirectory(prefix="pnfarm-again-") as folder:
         second = Path(folder, "again.tar")
-        build(options.root, second, options, again=True)
+        build(commit, second, options, again=True)
         found = differences(options.out, second)
     for sentence in found:
         sys.stderr.write(f"not reproducible: {sentence}\n")
