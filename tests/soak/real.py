@@ -41,6 +41,8 @@ DISTURB_SECONDS, HUB_SECONDS = 40.0, 8.0
 #: What a side may hold more of at the end: connections of HTTP and workers of a pool come and go.
 SLACK = {"threads": 8, "files": 12, "garbage": 0, "replies kept": 1 << 30, "calls": 0, "searches": 0, "traces": 0,
          "fault timers": 0, "log subscribers": 8, "faults known": 1 << 30, "streams": 0}  # fmt: skip
+#: A little less than the shortest watchdog of the cell, that of the HIWIN E1: 60 cycles of 4 ms.
+EXPIRES_SECONDS = 0.2
 #: Losses without a reason whose controller is asked.
 MOST_KEPT = 50
 #: Tasks that serve requests and streams: they come and go.
@@ -415,7 +417,8 @@ class RealRun:
         with self.lock:
             for name, losses in (("controller", self.losses), ("line controller", self.line_losses)):
                 for what, begin, seconds in self.sides[name].stood() if name in self.sides else ():
-                    losses.stood(f"the {name}'s {what} did not run", begin, seconds)
+                    if seconds >= EXPIRES_SECONDS:
+                        losses.stood(f"the {name}'s {what} did not run", begin, seconds)
 
     def _keep_unexplained(self) -> None:
         """What the controller has to say to losses without a reason."""

@@ -81,6 +81,13 @@ def test_a_drive_that_stays_away_is_found(short, monkeypatch):
     assert verdict(checks)["every drive in operation"] is False
 
 
+def test_a_request_of_the_plc_without_an_answer_is_found(short, monkeypatch):
+    monkeypatch.setattr(short, "_act", lambda action: None)
+    answered = verdict(short.go(tell=False))["the PLC's requests at a rest answered"]
+    monkeypatch.setattr(virtual, "ask", lambda controller, name, now: controller.access_record(name, 0xAFFE, None, now))
+    assert (answered, short._ask_all().ok) == (True, False)
+
+
 def test_a_fault_that_is_left_is_found(short, monkeypatch):
     manager, clear = short.line.faults, short.line.faults.clear
     manager.inject({"kind": "loss", "on": "all", "probability": 0.001, "as": "left"}, short.line.world.now)

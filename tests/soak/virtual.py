@@ -39,6 +39,7 @@ from pnfarm.scenario.definition.binding import bind_scenario
 from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.scenario.run import ScenarioRun
 from pnfarm.station.event_log import EventLog
+from tests.soak.asked import ask, asked_check
 from tests.soak.cell import DEVICES, IDLE, cell_text
 from tests.soak.choices import Action, Choices
 from tests.soak.holdings import of_controllers, of_farm, rows
@@ -418,6 +419,15 @@ class VirtualRun:
             self._read()
         return not self.line.away()
 
+    def _ask_all(self) -> Check:
+        """Calm, in whose first half the PLC asks each drive for something, at a moment of its own."""
+        jobs = {}
+        for name in self.line.names:
+            jobs[name] = ask(self.line.controllers.of(name), name, self.line.world.now)
+            self._pass(self.rng.uniform(0.0, CALM_SECONDS / len(self.line.names)))
+        self._pass(CALM_SECONDS / 2)
+        return asked_check(jobs)
+
     def _holds(self) -> tuple[dict[str, Any], dict[str, Any]]:
         return of_farm(self.line.farm), of_controllers(self.line.controllers)
 
@@ -440,11 +450,12 @@ class VirtualRun:
             line.farm.settle(station.station, line.world.now)
         self.before.clear()
         back = self._bring_back(BACK_SECONDS)
-        self._pass(CALM_SECONDS)
+        asked = self._ask_all()
         away = line.away()
         told = [f"{name} {[entry.event for entry in line.log.entries(name)][-6:]}" for name in away[:3]]
         checks = [Check("every drive in operation", ok=back and not away, told="; ".join(told) or f"{len(line.names)}")]
         left = {name: value for name, value in left_behind(line).items() if "awaits" not in name}
+        checks.append(asked)
         checks.append(Check("nothing of the faults left", ok=not left, told=str(left) if left else "nothing"))
         assert self.held is not None
         for name, before, after in zip(("farm", "controller"), self.held, self._holds(), strict=True):
