@@ -35,6 +35,8 @@ DEVICES: Mapping[str, Sequence[str]] = {
 }
 #: The control unit of the drive system has no motor: it rests in S1.
 IDLE = frozenset({"system.cu"})
+#: Addresses of the drives on PROFIBUS.
+STATIONS = (11, 12)
 #: Fewer drives than these are alone: for tests that have little time.
 FEWEST_OF_A_CELL = 8
 #: One in so many drives is a HIWIN E1, whose longest cycle is 4 ms.

@@ -26,7 +26,9 @@ class Programs:
     def __init__(self, folder: Path, drives: int, link: str) -> None:
         self._whole = drives >= FEWEST_OF_A_CELL
         self._cell, self._line = folder / "soak.pnfarm.yml", folder / "line.pnfarm.yml"
-        self._cell.write_text(cell_text(drives, link, f"127.0.0.1:{PORT}", folder / "profibus"))
+        #: The pty of the cell's PROFIBUS drives.
+        self.profibus = folder / "profibus"
+        self._cell.write_text(cell_text(drives, link, f"127.0.0.1:{PORT}", self.profibus))
         self._line.write_text(line_text())
         self._folder = folder
         self.sides: dict[str, Side] = {}

@@ -15,7 +15,8 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from tests.soak.cell import IDLE, LINE_DRIVES
+from tests.soak.asked import ask_station
+from tests.soak.cell import IDLE, LINE_DRIVES, STATIONS
 from tests.soak.choices import Choices
 from tests.soak.client import Api, EventReader, HubReader
 from tests.soak.harm import V1, Harm
@@ -301,6 +302,8 @@ class RealRun:
             for drive, pnu in list(self.harm.before):
                 self._until(f"{drive} takes {pnu} back", 30.0, lambda d=drive, p=pnu: self.harm.put_back(d, p))
         seconds = self._back()
+        if self.programs.hub and not first:
+            self._ask_stations()
         faults = self.api("GET", f"{V1}/faults").json()["faults"]
         if faults:
             self.harm.note(f"faults are left after a reset: {faults[:3]}")
@@ -318,6 +321,13 @@ class RealRun:
         self.rests.append({"seconds": self.seconds, "back_seconds": seconds, "held": held})
         if not first:
             print(f"  at rest: every station back after {seconds:.1f} s", flush=True)
+
+    def _ask_stations(self) -> None:
+        """As `pnfarm param` does, at moments that differ."""
+        for station in STATIONS:
+            time.sleep(self.rng.uniform(0.0, 1.0))
+            if why := ask_station(str(self.programs.profibus), station):
+                self.harm.note(f"at rest, parameter of station {station}: {why}")
 
     def _held_at_rest(self) -> dict[str, Any]:
         """What all sides hold while every drive keeps its connection: one that is set up anew holds something else."""
