@@ -18,7 +18,9 @@ from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
 from pnfarm.buses.profinet.controller.core import ProfinetCore
 from pnfarm.buses.profinet.device.device import ProfinetDevice
 
-__all__ = ["of_controllers", "of_farm", "of_hub", "of_process", "rows"]
+__all__ = ["objects_file", "of_controllers", "of_farm", "of_hub", "of_objects", "of_process", "rows"]
+
+CLASSES = 80
 
 
 def of_farm(core: Any) -> dict[str, Any]:
@@ -85,6 +87,20 @@ ROWS = (
 def rows(holds: Mapping[str, Any]) -> int:
     """The sum of all rows, for its slope."""
     return sum(holds.get(name, 0) for name in ROWS)
+
+
+def objects_file(notes: Path) -> Path:
+    """Beside the notes of a program: its numbers of objects, seldom."""
+    return notes.with_suffix(".objects.jsonl")
+
+
+def of_objects() -> dict[str, int]:
+    """How many objects of each class the garbage collector looks at here, of the :data:`CLASSES` with most of them.
+
+    A farm leaves out what it loaded at its start.
+    """
+    found = Counter(map(type, gc.get_objects()))
+    return {f"{kind.__module__}.{kind.__qualname__}": count for kind, count in found.most_common(CLASSES)}
 
 
 def of_process(loop: AbstractEventLoop | None) -> dict[str, Any]:

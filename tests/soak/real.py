@@ -476,6 +476,7 @@ class RealRun:
             "rests": self.rests,
             "closer": self.closer,
             "samples": self.samples,
+            "objects": {name: side.objects() for name, side in self.sides.items()},
             "logs": {
                 name: {"levels": dict(side.log.levels), "suspicious": side.log.suspicious}
                 for name, side in self.sides.items()

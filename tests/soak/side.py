@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from typing import IO, Any
 
+from tests.soak.holdings import objects_file
 from tests.soak.judge import LogReader, longest_pause
 
 __all__ = ["NOTE_SECONDS", "ROOT", "SAMPLE_SECONDS", "STOP_SECONDS", "Side", "SoakError", "StarvedError"]
@@ -83,6 +84,11 @@ class Side:
             file.seek(max(0, self.notes.stat().st_size - 8192))
             lines = file.read().split(b"\n")
         return json.loads(lines[-2]) if len(lines) > 2 or (len(lines) == 2 and lines[0]) else None
+
+    def objects(self) -> list[dict[str, Any]]:
+        """Its numbers of objects by class, each with its time ``at``."""
+        file = objects_file(self.notes)
+        return [json.loads(line) for line in file.read_text("utf-8").splitlines()] if file.exists() else []
 
     def noted_after(self, at: float) -> dict[str, Any]:
         """What it noted after a moment of the wall clock."""

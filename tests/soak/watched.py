@@ -16,13 +16,15 @@ from pathlib import Path
 from typing import Any
 
 from pnfarm.table.late import LATE_ROWS
-from tests.soak.holdings import of_controllers, of_farm, of_hub, of_process
+from tests.soak.holdings import objects_file, of_controllers, of_farm, of_hub, of_objects, of_process
 
 _PR_SET_PDEATHSIG = 1
 #: Between two looks at the clock, and what a look may be late.
 LOOK_SECONDS, STOOD_SECONDS = 0.1, 0.25
 #: What ticks of an engine may be late within some ms.
 LATE_SECONDS = 0.04
+#: Between two counts of objects, each of which stops the interpreter for some 0.05 s.
+OBJECTS_SECONDS = 300.0
 #: Objects of the program, noted when it makes them.
 _made: dict[str, Any] = {}
 
@@ -90,7 +92,12 @@ def _stood(seconds: float) -> list[tuple[str, float, float]]:
 
 def _write(file: Path, seconds: float) -> None:
     stood: list[tuple[str, float, float]] = []
-    with file.open("w", encoding="utf-8", buffering=1) as out:
+    counted = time.monotonic()
+    beside = objects_file(file)
+    with (
+        file.open("w", encoding="utf-8", buffering=1) as out,
+        beside.open("w", encoding="utf-8", buffering=1) as objects,
+    ):
         while True:
             stood += _stood(seconds)
             loop = _made.get("loop")
@@ -104,6 +111,9 @@ def _write(file: Path, seconds: float) -> None:
                 continue
             out.write(json.dumps(line) + "\n")
             stood = []
+            if time.monotonic() - counted >= OBJECTS_SECONDS:
+                counted = time.monotonic()
+                objects.write(json.dumps({"at": time.time(), "objects": of_objects()}) + "\n")
 
 
 def main() -> None:
