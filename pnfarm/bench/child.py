@@ -191,8 +191,7 @@ def _floor(settings: dict[str, Any]) -> None:
     packet = bytes.fromhex(settings.get("packet", ""))
     ethertype = int.from_bytes(packet[:2], "big") or ETHERTYPE_PROFINET
     vectors = make_vectors(addresses, packet)
-    fifo = settings.get("fifo")
-    scheduled = RealTimeSettings() if fifo is None else RealTimeSettings(fifo_priority=fifo)
+    scheduled = RealTimeSettings(**settings["scheduled"])
     with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as sock:
         sock.setsockopt(socket.SOL_SOCKET, getattr(socket, "SO_RCVBUFFORCE", 33), 16 << 20)
         # bound to the interface if there is one, otherwise to all, as the engine's socket is

@@ -16,7 +16,7 @@ from pnfarm.bench.result import WINDOWS, Windows
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
     from contextlib import AbstractContextManager
 
     from pnfarm.bench.load import Load
@@ -239,12 +239,13 @@ def floor_ends(
     ring: bool = False,
     parent: bool = False,
     far: str = PEER,
-    fifo: int | None = None,
+    scheduled: Mapping[str, int] | None = None,
 ) -> Iterator[tuple[Child, Child]]:
     """Two minimal loops on a wire: macvlans on one side, the interface ``far`` on the other.
 
     They send RT frames, or ``packet`` from its EtherType on.  With ``ring`` both receive as the engine does, with
-    ``parent`` the side with the macvlans sends through their parent.  ``fifo``: their priority, if not the engine's.
+    ``parent`` the side with the macvlans sends through their parent.
+    ``scheduled``: what they ask the kernel for, if not what engines do.
     """
     with ExitStack() as stack:
         lines, macs = [], []
@@ -259,7 +260,8 @@ def floor_ends(
         links = {entry["ifname"]: entry for entry in json.loads(listed)}
         index = {name: entry["ifindex"] for name, entry in links.items()}
         peer_mac = bytes.fromhex(links[far]["address"].replace(":", ""))
-        common = {"groups": groups, "period": period_ns, "packet": packet.hex(), "ring": ring, "fifo": fifo}
+        common = {"groups": groups, "period": period_ns, "packet": packet.hex(), "ring": ring}
+        common["scheduled"] = dict(scheduled or {})
         exits = [index[PARENT if parent else f"pnfl{i}"] for i in range(drives)]
         ours = [(out, mac.hex(), peer_mac.hex()) for out, mac in zip(exits, macs, strict=True)]
         # an interface keeps its index when it moves into an empty namespace

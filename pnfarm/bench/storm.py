@@ -29,7 +29,7 @@ __all__ = ["storm"]
 #: Two controllers behind one end of the wire.
 CALM, STORMY = "pnbcalm", "pnbstorm"
 #: Engines on the farm's CPU: with what they ask for by default, and with the ordinary scheduler.
-FIRST, ORDINARY = {"cpu": FARM_CPU}, {"cpu": FARM_CPU, "fifo": 0}
+DEFAULT, ORDINARY = {"cpu": FARM_CPU}, {"cpu": FARM_CPU, "fifo": 0}
 
 STORM_DRIVES = """
   - name: {name}-{{n:04}}
@@ -148,7 +148,7 @@ def _floor_p99(seconds: float, load: Load) -> float:
     with _line(), ExitStack() as stack:
         _child(stack, "farm", FARM_CPU, file=farm_file)
         plc = _child(stack, "plc", FARM_CPU, file=storm_file, interface_from_outside=STORMY, hold=True)
-        floor, calm = stack.enter_context(floor_ends(64, 4, 1_000_000, far=CALM, fifo=0))
+        floor, calm = stack.enter_context(floor_ends(64, 4, 1_000_000, far=CALM, scheduled={"fifo_priority": 0}))
         with load:
             for child in (floor, calm):
                 child.ask(f"measure {seconds}")
@@ -161,7 +161,7 @@ def _floor_p99(seconds: float, load: Load) -> float:
 def storm(seconds: float, load: Load) -> list[Result]:
     """Connect 256 drives at once, both ends on one core, while 64 others run at 4 ms."""
     loops = [interpreter_loop(3)]
-    first = _storm(seconds, FIRST, load)
+    first = _storm(seconds, DEFAULT, load)
     loops.append(interpreter_loop(3))
     other = _storm(seconds, ORDINARY, load)
     floor = _floor_p99(other.seconds, load)

@@ -147,10 +147,10 @@ class _Station:
     async def start(self, core: Controller, settings: RealTimeSettings, log: EventLog) -> None:
         """Start the engine, begin to search for the drives."""
 
-        def overloaded(what: str, why: str) -> None:
+        def demoted(what: str, why: str) -> None:
             log.record(time.monotonic_ns(), "", RealTimeOptionTakenBack(what, why))
 
-        self.driver = RealTimeDriver(core, settings, overloaded=overloaded)
+        self.driver = RealTimeDriver(core, settings, demoted=demoted)
         await self.driver.start()
         core.start(time.monotonic_ns())
         self.driver.poke()

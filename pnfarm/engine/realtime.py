@@ -238,7 +238,7 @@ class RealTimeEngine:
         #: The kernel's number of the engine's thread, 0 before it runs.
         self.thread_id = 0
         self._ready = threading.Event()
-        #: When and with what ``busy_ns`` :meth:`overloaded` was last called, and how often in turn it was busy.
+        #: Of the last look at the load: when, and ``busy_ns`` then; and how many in turn found it busy.
         self._looked = (0, 0)
         self._busy = 0
 
@@ -279,8 +279,8 @@ class RealTimeEngine:
         if self._failure is not None:
             raise InternalError(f"the engine's thread ended: {self._failure!r}") from self._failure
 
-    def overloaded(self) -> str:
-        """Give the thread back to the ordinary scheduler if it keeps its CPU for itself; then the reason, else "".
+    def demote_if_overloaded(self) -> tuple[str, str] | None:
+        """Give the thread back to the ordinary scheduler if it keeps its CPU for itself; then what it lost, and why.
 
         To be called at intervals.  Threads of the kernel that belong to this CPU would wait for it.
         """
@@ -290,11 +290,11 @@ class RealTimeEngine:
         share = (busy - before) / max(1, now - then)
         self._busy = self._busy + 1 if share >= MOST_SHARE else 0
         if self._busy < BUSY_LOOKS or name not in self.report.granted:
-            return ""
+            return None
         _set_policy(self.thread_id, os.SCHED_OTHER, 0)
         self.report.granted.remove(name)
         _ask_ordinary(ctypes.CDLL(None, use_errno=True), self.thread_id, self.settings, self.report)
-        return f"the engine needs {share:.0%} of its CPU"
+        return name, f"the engine needs {share:.0%} of its CPU"
 
     def stop(self) -> None:
         """Ask the thread to return and wait for it (at most one tick, 5 s for a machine under load)."""

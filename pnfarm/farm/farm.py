@@ -380,7 +380,7 @@ class Farm:
         """What lets time pass; returns the farm's time at its start."""
         if self.world is None:
             settings = realtime_settings(self.config)
-            self._driver = RealTimeDriver(core, settings, lateness=core.lateness, overloaded=self._overloaded)
+            self._driver = RealTimeDriver(core, settings, lateness=core.lateness, demoted=self._demoted)
             return time.monotonic_ns()
         self.world.join(core, ports)
         for join in self.on_world:
@@ -422,7 +422,7 @@ class Farm:
             option = _REALTIME_OPTIONS.get(what.partition(" ")[0])
             self.log.record(now, "", RealTimeOptionRefused(what, why, asked=option in asked))
 
-    def _overloaded(self, what: str, why: str) -> None:
+    def _demoted(self, what: str, why: str) -> None:
         self.log.record(self.now(), "", RealTimeOptionTakenBack(what, why))
 
     def _answers_withheld(self, where: str, count: int, latest_ns: int) -> None:

@@ -60,7 +60,7 @@ LOOP_LATE_NS = 2_000_000
 class RealTimeDriver:
     """Runs one node until :meth:`close`.  Exceptions of callbacks are raised by :meth:`wait`.
 
-    ``lateness`` records how late the event loop is, and what time was stolen.  ``overloaded`` is called with what the
+    ``lateness`` records how late the event loop is, and what time was stolen.  ``demoted`` is called with what the
     engine's thread lost because it had too much to do, and why.
     """
 
@@ -70,10 +70,10 @@ class RealTimeDriver:
         settings: RealTimeSettings | None = None,
         *,
         lateness: LatenessRecord | None = None,
-        overloaded: Callable[[str, str], None] | None = None,
+        demoted: Callable[[str, str], None] | None = None,
     ) -> None:
         self.node = node
-        self._overloaded = overloaded
+        self._demoted = demoted
         self.settings = settings or RealTimeSettings()
         self._lateness = lateness
         self.engine: RealTimeEngine | None = None
@@ -235,16 +235,16 @@ class RealTimeDriver:
         engine = self.engine
         if engine is not None:
             self._guard(engine.check)
-            self._guard(partial(self._relax, engine))
+            self._guard(partial(self._demote, engine))
             link = unwrap(self.node.link)
             if isinstance(link, PacketLink):
                 self._guard(link.check)
             loop.call_later(CHECK_SECONDS, self._check, loop)
 
-    def _relax(self, engine: RealTimeEngine) -> None:
-        why = engine.overloaded()
-        if why and self._overloaded is not None:
-            self._overloaded(f"SCHED_FIFO {engine.settings.fifo_priority}", why)
+    def _demote(self, engine: RealTimeEngine) -> None:
+        lost = engine.demote_if_overloaded()
+        if lost is not None and self._demoted is not None:
+            self._demoted(*lost)
 
 
 class _Heartbeat:

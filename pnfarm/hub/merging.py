@@ -113,6 +113,7 @@ def joined_health(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     ticks = [sum(bucket["count"] for bucket in part["lateness"]) for part in parts]
     mean = sum(part["lateness_mean_seconds"] * n for part, n in zip(parts, ticks, strict=True)) / max(1, sum(ticks))
     worst = {
+        # a farm of an older version has not all of them
         key: max((part.get(key, 0.0) for part in parts), default=0.0)
         for key in ("engine_late_seconds", "loop_late_seconds", "lines_late_seconds", "stolen_seconds")
     }

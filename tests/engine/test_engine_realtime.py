@@ -12,10 +12,6 @@ from pnfarm.engine import realtime
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 
 
-def threads() -> set[int]:
-    return {int(path.name) for path in Path("/proc/self/task").iterdir()}
-
-
 @contextmanager
 def started(settings):
     """An engine at work, and the number of its thread."""
@@ -23,10 +19,8 @@ def started(settings):
     with near, far:
         engine = RealTimeEngine(Pair(drives=1).farm, near, settings)
         with closing(engine):
-            before = threads()
             engine.start()
-            (thread,) = threads() - before
-            yield engine, thread
+            yield engine, engine.thread_id
 
 
 def niceness(thread: int) -> int:
@@ -70,9 +64,9 @@ def test_the_engine_goes_before_what_is_not_real_time_or_its_refusal_is_told():
 def test_an_engine_that_keeps_its_processor_for_itself_is_given_back_to_the_ordinary_scheduler(monkeypatch):
     with started(RealTimeSettings()) as (engine, thread):
         granted = "SCHED_FIFO 1" in engine.report.granted
-        assert not any(engine.overloaded() for _ in range(2 * realtime.BUSY_LOOKS)), "it has nothing to do"
+        assert not any(engine.demote_if_overloaded() for _ in range(2 * realtime.BUSY_LOOKS)), "it has nothing to do"
         monkeypatch.setattr(realtime, "MOST_SHARE", 0.0)
-        found = [engine.overloaded() for _ in range(2 * realtime.BUSY_LOOKS)]
+        found = [engine.demote_if_overloaded() for _ in range(2 * realtime.BUSY_LOOKS)]
         said = [place for place, why in enumerate(found) if why]
         assert said == ([realtime.BUSY_LOOKS - 1] if granted else []), "not at once, and once"
         assert os.sched_getscheduler(thread) == os.SCHED_OTHER

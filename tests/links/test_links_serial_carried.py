@@ -67,5 +67,5 @@ async def test_nothing_of_it_is_left_behind_a_close():
     probe.close()
     probe.close()
     assert open_files() == before - 2
-    await asyncio.sleep(0)
+    await asyncio.sleep(0)  # the turn in which a reader that was left would be called
     assert not probe.noted

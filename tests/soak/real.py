@@ -325,7 +325,7 @@ class RealRun:
     def _ask_stations(self) -> None:
         """As `pnfarm param` does, at moments that differ."""
         for station in STATIONS:
-            time.sleep(self.rng.uniform(0.0, 1.0))
+            time.sleep(self.rng.uniform(0.0, 1.0))  # an Idle telegram, due each half second, is under way now and then
             if why := ask_station(str(self.programs.profibus), station):
                 self.harm.note(f"at rest, parameter of station {station}: {why}")
 
