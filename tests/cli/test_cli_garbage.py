@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 
+import pytest
+
 from pnfarm.cli.main import main
 from pnfarm.farm.process.garbage import NEW_OBJECTS, keep_what_is_loaded
 
@@ -19,7 +21,8 @@ class Circle:
         Circle.alive -= 1
 
 
-def test_a_start_is_out_of_the_searches_for_garbage_and_what_comes_later_is_found():
+@pytest.mark.asyncio
+async def test_a_start_is_out_of_the_searches_for_garbage_and_what_comes_later_is_found():
     Circle()
     try:
         keep_what_is_loaded()
