@@ -24,7 +24,7 @@ from __future__ import annotations
 import re
 import struct
 from dataclasses import MISSING, dataclass, field, fields
-from functools import lru_cache
+from functools import lru_cache, partial
 from ipaddress import IPv4Address
 from operator import attrgetter
 from typing import (
@@ -41,7 +41,7 @@ from typing import (
 )
 from uuid import UUID
 
-from pnfarm.wire.octets import Reader, Writer
+from pnfarm.wire.octets import Reader, Writer, uuid_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -550,8 +550,8 @@ def _mac_octets(value: bytes) -> bytes:
 
 #: By byte order: a UUID has numbers in it.
 _UUIDS = (
-    Fixed("16s", lru_cache(4096)(lambda value: UUID(bytes=value)), attrgetter("bytes")),
-    Fixed("16s", lru_cache(4096)(lambda value: UUID(bytes_le=value)), attrgetter("bytes_le")),
+    Fixed("16s", partial(uuid_of, little=False), attrgetter("bytes")),
+    Fixed("16s", partial(uuid_of, little=True), attrgetter("bytes_le")),
 )
 
 UInt8: TypeAlias = Annotated[int, Fixed("B")]

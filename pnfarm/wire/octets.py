@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import builtins
 import struct
+from functools import lru_cache
 from typing import Any, Literal
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
 
-__all__ = ["Reader", "Writer", "pack"]
+__all__ = ["Reader", "Writer", "pack", "uuid_of"]
 
 
 def pack(layout: struct.Struct, *fields: int | builtins.bytes) -> builtins.bytes:
@@ -23,6 +24,12 @@ def pack(layout: struct.Struct, *fields: int | builtins.bytes) -> builtins.bytes
         return layout.pack(*fields)
     except struct.error as exc:
         raise ValueError(f"a field does not fit into its place in a header: {exc}") from exc
+
+
+@lru_cache(1024)
+def uuid_of(octets: builtins.bytes, *, little: bool) -> UUID:
+    """Of 16 octets.  Those of interfaces, objects and activities come in each PDU of a call."""
+    return UUID(bytes_le=octets) if little else UUID(bytes=octets)
 
 
 class Reader:
@@ -68,8 +75,7 @@ class Reader:
         return float(value)
 
     def uuid(self) -> UUID:
-        octets = self.bytes(16)
-        return UUID(bytes_le=octets) if self.little else UUID(bytes=octets)
+        return uuid_of(self.bytes(16), little=self.little)
 
     def unpack(self, layout: struct.Struct) -> tuple[Any, ...]:
         """The next octets, of a fixed layout that has a byte order of its own."""

@@ -134,6 +134,14 @@ def test_a_kind_that_was_quiet_makes_room_for_others(log):
     assert len(log.limit._kinds) == 1
 
 
+def test_kinds_that_are_quiet_are_forgotten_before_there_are_many(log):
+    for number in range(10):
+        log.logger.info(f"name {number}")  # noqa: G004 - each is a kind of its own
+    log.wait(60.0)
+    log.logger.info("one more")
+    assert [event for event, *_ in log.limit._kinds] == ["one more"]
+
+
 def test_lines_of_libraries_are_limited_by_the_place_that_writes_them(log):
     def record(message):
         return logging.LogRecord("asyncio", logging.ERROR, "/lib/selector_events.py", 190, message, (), None)

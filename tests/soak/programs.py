@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from random import Random
 
+from pnfarm.station.event_log import FARM_ENTRIES
 from tests.soak.cell import BRIDGE, FEWEST_OF_A_CELL, SHARDS, cell_text, line_text
 from tests.soak.side import Side
 
@@ -18,6 +19,9 @@ PORT, HUB_PORT, SHARD_PORT = 8702, 8703, 8711
 WAYS = ("restart", "kill", "pause")
 #: A pause is longer than the watchdogs of 0.5 s; the hub calls a shard away after 2 s.
 SHORTEST_PAUSE, LONGEST_PAUSE = 1.0, 6.0
+#: Entries that the event logs of the line's programs keep: little happens there, and with as many as usual they grow
+#: for hours, which looks like a leak.
+LINE_ENTRIES = 256
 
 
 class Programs:
@@ -57,7 +61,8 @@ class Programs:
             self._start("line controller", "plc", self._line, "--format", "json")
 
     def _start(self, name: str, *arguments: str | Path) -> None:
-        self.sides[name] = Side(name, self._folder, *arguments)
+        entries = LINE_ENTRIES if self._line in arguments else FARM_ENTRIES
+        self.sides[name] = Side(name, self._folder, *arguments, entries=entries)
 
     def disturb(self, name: str, way: str, rng: Random) -> int | None:
         """Do this to a program; the exit code of one that was asked to end and did, else None."""

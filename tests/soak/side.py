@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from typing import IO, Any
 
+from pnfarm.station.event_log import FARM_ENTRIES
 from tests.soak.holdings import objects_file
 from tests.soak.judge import LogReader, longest_pause
 
@@ -32,10 +33,11 @@ class StarvedError(SoakError):
 
 
 class Side:
-    """One of the programs: its process, its log, what it holds."""
+    """One of the programs: its process, its log, what it holds; its event log keeps ``entries``."""
 
-    def __init__(self, name: str, folder: Path, *arguments: str | Path) -> None:
+    def __init__(self, name: str, folder: Path, *arguments: str | Path, entries: int = FARM_ENTRIES) -> None:
         self.name = name
+        self._entries = entries
         self.notes = folder / f"{name.replace(' ', '-')}.jsonl"
         self.log = LogReader()
         self.before: dict[str, Any] | None = None
@@ -48,7 +50,7 @@ class Side:
         self.notes.unlink(missing_ok=True)
         #: Octets of the notes that :meth:`stood` has read.
         self._asked = 0
-        command = [sys.executable, "-m", "tests.soak.watched", str(self.notes), str(NOTE_SECONDS)]
+        command = [sys.executable, "-m", "tests.soak.watched", str(self.notes), str(NOTE_SECONDS), str(self._entries)]
         self.process = subprocess.Popen(
             [*command, "--log-format", "json", *self._arguments],
             cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace",

@@ -1,6 +1,7 @@
 """The program, as its user runs it, and beside it a thread that writes down what it holds: one JSON object a line.
 
-``python -m tests.soak.watched FILE SECONDS ARGUMENT ...`` runs ``pnfarm ARGUMENT ...``.
+``python -m tests.soak.watched FILE SECONDS ENTRIES ARGUMENT ...`` runs ``pnfarm ARGUMENT ...``, whose event log keeps
+so many entries.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from pnfarm.station import event_log
 from pnfarm.table.late import LATE_ROWS
 from tests.soak.holdings import objects_file, of_controllers, of_farm, of_hub, of_objects, of_process
 
@@ -117,9 +119,10 @@ def _write(file: Path, seconds: float) -> None:
 
 
 def main() -> None:
-    file, seconds, *arguments = sys.argv[1:]
+    file, seconds, entries, *arguments = sys.argv[1:]
     # the run may be killed, and nothing of it is to stay
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    event_log.FARM_ENTRIES = int(entries)
     _note_cores(arguments[2])
     threading.Thread(target=_write, args=(Path(file), float(seconds)), daemon=True).start()
     sys.argv = ["pnfarm", *arguments]

@@ -24,6 +24,8 @@ __all__ = ["LineLimit"]
 
 #: Burst and rate of the lines of one kind.
 KIND_LINES, KIND_LINES_PER_SECOND = 12.0, 1.0
+#: An empty bucket is full again; so often it is looked which kinds can be forgotten.
+FILL_SECONDS = KIND_LINES / KIND_LINES_PER_SECOND
 #: The same for all kinds together: enough for the start of a thousand drives; a disk bears this rate for weeks.
 ALL_LINES, ALL_LINES_PER_SECOND = 20_000.0, 100.0
 #: Kinds that are limited separately; further ones share one.
@@ -87,6 +89,7 @@ class LineLimit:
         self._lock = threading.Lock()
         self._kinds: dict[tuple[str, str, str], _Kind] = {}
         self._all = _Credit(ALL_LINES, ALL_LINES_PER_SECOND, clock())
+        self._forget_at = 0.0
         self._waiting = False
 
     def __call__(self, logger: Any, method: str, line: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
@@ -124,13 +127,12 @@ class LineLimit:
         found = self._kinds.get(key)
         if found is not None:
             return found
+        if now >= self._forget_at:
+            # a kind with a full bucket and nothing held back says nothing that a new one would not
+            self._forget_at = now + FILL_SECONDS
+            self._kinds = {k: kind for k, kind in self._kinds.items() if kind.held or not kind.credit.is_full(now)}
         if len(self._kinds) >= MAX_KINDS:
-            # a kind with a full bucket and nothing held back can be forgotten
-            idle = [k for k, kind in self._kinds.items() if not kind.held and kind.credit.is_full(now)]
-            for each in idle:
-                del self._kinds[each]
-            if not idle:
-                key = _OTHERS
+            key = _OTHERS
         return self._kinds.setdefault(key, _Kind(_Credit(KIND_LINES, KIND_LINES_PER_SECOND, now)))
 
     def _start(self) -> None:

@@ -10,14 +10,13 @@ big-endian always and stay opaque here.
 
 import struct
 from enum import IntEnum, IntFlag
-from functools import lru_cache
 from typing import Final
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
 from pnfarm.wire.code import Code
 from pnfarm.wire.layout import Structure, UInt8
-from pnfarm.wire.octets import Reader, Writer, pack
+from pnfarm.wire.octets import Reader, Writer, pack, uuid_of
 from pnfarm.wire.value import value_class
 
 __all__ = [
@@ -171,12 +170,6 @@ def drep(*, little_endian: bool) -> bytes:
     return DREP_LITTLE if little_endian else DREP_BIG
 
 
-@lru_cache(4096)
-def _uuid(octets: bytes, *, little: bool) -> UUID:
-    """Interfaces, objects and activities come in each PDU of a call."""
-    return UUID(bytes_le=octets) if little else UUID(bytes=octets)
-
-
 _LAYOUT: Final = "4B3sB16s16s16s3I5H2B"
 """The header from the version to the lower half of the serial number (C706 12.5.1)."""
 _HEADERS: Final = (struct.Struct(f">{_LAYOUT}"), struct.Struct(f"<{_LAYOUT}"))
@@ -270,9 +263,9 @@ def parse_rpc(data: bytes) -> RpcPdu:
     body = reader.bytes(length)
     return RpcPdu(
         packet_type=packet_type,
-        interface=_uuid(interface, little=little),
-        activity=_uuid(activity, little=little),
-        object_uuid=_uuid(object_, little=little),
+        interface=uuid_of(interface, little=little),
+        activity=uuid_of(activity, little=little),
+        object_uuid=uuid_of(object_, little=little),
         sequence=sequence,
         opnum=opnum,
         body=body,
