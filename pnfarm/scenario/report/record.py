@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pnfarm.scenario.definition.file import Scenario
     from pnfarm.scenario.definition.steps import Step
     from pnfarm.scenario.find import Search
+    from pnfarm.scenario.report.trace_excerpts import Excerpt
     from pnfarm.station.event_log import LogEntry
 
 __all__ = ["EXIT_CODES", "Case", "Record", "Verdict"]
@@ -116,7 +117,7 @@ class Record:
         #: In the order in which they ended.
         self.cases: list[Case] = []
         #: Pictures of faults and failures (:mod:`pnfarm.scenario.report.trace_excerpts`), and why there are no more.
-        self.traces: list[dict[str, Any]] = []
+        self.traces: Sequence[Excerpt] = ()
         self.traces_note = ""
         #: What the controllers of the drives did (:mod:`pnfarm.scenario.controllers`).
         self.controllers: list[dict[str, Any]] = []
@@ -277,7 +278,7 @@ class Record:
             "plc_left_out": self._reactions_left_out,
             "values_left_out": self._values_left_out,
             "controllers": self.controllers,
-            "traces": self.traces,
+            "traces": [excerpt.as_dict() for excerpt in self.traces],
             "traces_note": self.traces_note,
             "timeline": [*self._timeline, *self._latest],
             "timeline_left_out": self._left_out,

@@ -6,6 +6,7 @@ is triggered, and once it is complete it is kept, thinned, and started anew.  Nu
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from pnfarm.scenario.definition.steps import Step
     from pnfarm.trace import Trace
 
-__all__ = ["TraceExcerpts", "named_signals", "named_stations"]
+__all__ = ["Excerpt", "TraceExcerpts", "named_signals", "named_stations"]
 
 #: Time that is kept before and after a moment.
 BEFORE, BEFORE_NS = "500ms", 500_000_000
@@ -83,6 +84,28 @@ def named_stations(binding: Binding) -> list[str]:
     return list(found if binding.drives.keys() & found.keys() else {**found, **dict.fromkeys(binding.drives)})
 
 
+@dataclass(frozen=True, slots=True)
+class Excerpt:
+    """One picture: what happened on which drives, and how they moved; ``at_seconds`` of the run.
+
+    Its numbers stay arrays until the record is asked for: a farm keeps the last records for days.
+    """
+
+    at_seconds: float
+    drives: list[str]
+    marks: list[dict[str, Any]]
+    trace: Recording
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "at_seconds": self.at_seconds,
+            "drives": self.drives,
+            "marks": self.marks,
+            "trace": self.trace.as_dict(),
+        }
+
+
 class TraceExcerpts:
     """``drives`` and devices in the order of their importance, and ``signals`` of devices.
 
@@ -107,7 +130,7 @@ class TraceExcerpts:
         self._marks: list[dict[str, Any]] = []
         self._shown: dict[str, None] = {}
         self._of_faults = 0
-        self._kept: list[dict[str, Any]] = []
+        self._kept: list[Excerpt] = []
         #: Why there are no pictures, or no more.
         self.note = ""
         self._start(now)
@@ -146,8 +169,8 @@ class TraceExcerpts:
             self._keep(now)
             self._start(now)
 
-    def close(self, now: int) -> list[dict[str, Any]]:
-        """End; the pictures, for JSON."""
+    def close(self, now: int) -> list[Excerpt]:
+        """End; the pictures."""
         if self._trace is not None:
             if self._marks:
                 self._keep(now)
@@ -177,14 +200,9 @@ class TraceExcerpts:
             for column in recording.columns
             if column.drive == drive
         ]
-        self._kept.append(
-            {
-                "at_seconds": (self._fired_ns - self._origin_ns) / 1e9,
-                "drives": list(self._shown),
-                "marks": self._marks,
-                "trace": _thinned(recording, self._marks[0]["text"], times[inside], columns).as_dict(),
-            }
-        )
+        trace = _thinned(recording, self._marks[0]["text"], times[inside], columns)
+        at_seconds = (self._fired_ns - self._origin_ns) / 1e9
+        self._kept.append(Excerpt(at_seconds, list(self._shown), self._marks, trace))
         self._marks, self._shown = [], {}
 
 
