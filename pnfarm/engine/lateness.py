@@ -18,16 +18,17 @@ if TYPE_CHECKING:
 
     from pnfarm.engine.columns import Columns
 
-__all__ = ["LATE_NS", "LatenessRecord", "note_late"]
+__all__ = ["LATE_NS", "LOOP_LATE_NS", "Delays", "LatenessRecord", "note_late"]
 
 #: Ticks that are less late than this are not recorded: below each budget, and above what a healthy machine has.
 LATE_NS = 200_000
 #: A late tick this soon after another shares its row, unless the row is this long already.
 JOINED_NS = 2_000_000
 LONGEST_NS = 10_000_000
-#: Kept delays of the event loop, and samples of stolen time.
-LOOP_ENTRIES = 1024
-SAMPLES = 4096
+#: Later callbacks of the event loop are recorded; its timers are no more exact than a millisecond.
+LOOP_LATE_NS = 2_000_000
+#: Kept delays of the event loop, the plant and serial lines, each; and samples of stolen time.
+KEPT = SAMPLES = 4096
 
 
 @compiled
@@ -53,31 +54,46 @@ def note_late(engine: Any, rows: Any, due: int, now: int, waited: int) -> None:
     engine.late_for_ns = late
 
 
+class Delays:
+    """The last delays of one kind that were longer than ``least_ns``."""
+
+    def __init__(self, least_ns: int) -> None:
+        self._least_ns = least_ns
+        self._kept: deque[tuple[int, int]] = deque(maxlen=KEPT)
+        #: When the next thing of this kind is due; 0: not known.  What is overdue is a delay already.
+        self.due_ns = 0
+
+    def note(self, now: int, late_ns: int) -> None:
+        """What had been due ``late_ns`` before was done at ``now``."""
+        if late_ns > self._least_ns:
+            self._kept.append((now, late_ns))
+
+    def longest(self, begin: int, end: int) -> int:
+        """The longest delay of which some lies in this time, up to its end, ns."""
+        overdue = end - self.due_ns if self.due_ns else 0
+        longest = overdue if overdue > self._least_ns else 0
+        # from the newest on: a storm asks for each of its connections; a copy: another thread may note one
+        for now, late in reversed(self._kept.copy()):
+            if now <= begin:
+                break
+            longest = max(longest, min(late, end - (now - late)))
+        return longest
+
+
 class LatenessRecord:
-    """See the module's docstring.  ``sample`` is called before stolen time is read, to bring it up to date."""
+    """See the module's docstring.  ``sample`` is called before stolen time is read, to bring it up to date.
+
+    ``loop``: what the event loop did late; ``plant``: models of the plant that were ready late, noted by their thread;
+    ``lines``: octets of serial lines that the kernel carried late.
+    """
 
     def __init__(self, columns: Columns) -> None:
         self._columns = columns
-        self._loop: deque[tuple[int, int]] = deque(maxlen=LOOP_ENTRIES)
-        self._plant: deque[tuple[int, int]] = deque(maxlen=LOOP_ENTRIES)
-        self._lines: deque[tuple[int, int]] = deque(maxlen=LOOP_ENTRIES)
+        self.loop = Delays(LOOP_LATE_NS)
+        self.plant = Delays(LATE_NS)
+        self.lines = Delays(LOOP_LATE_NS)
         self._stolen: deque[tuple[int, int]] = deque(maxlen=SAMPLES)
         self.sample: Callable[[], None] | None = None
-
-    def loop_late(self, now: int, late_ns: int) -> None:
-        """The event loop did at ``now`` what had been due ``late_ns`` before."""
-        if late_ns > LATE_NS:
-            self._loop.append((now, late_ns))
-
-    def plant_late(self, now: int, late_ns: int) -> None:
-        """A model of the plant was ready at ``now`` with what had been due ``late_ns`` before; from its thread."""
-        if late_ns > LATE_NS:
-            self._plant.append((now, late_ns))
-
-    def lines_late(self, now: int, late_ns: int) -> None:
-        """The kernel carried an octet by ``now`` that had waited ``late_ns``."""
-        if late_ns > LATE_NS:
-            self._lines.append((now, late_ns))
 
     def stolen(self, now: int, total_ns: int) -> None:
         """Stolen time so far, as read at ``now``."""
@@ -93,14 +109,10 @@ class LatenessRecord:
         if self.sample is not None:
             self.sample()
         engine_ns, receive_ns = self._engine(begin, end)
-        loop = _longest(self._loop, begin, end)
+        loop = self.loop.longest(begin, end)
         stolen = self._stolen_between(begin, end)
-        lines = _longest(self._lines, begin, end) if by_lines else 0
+        lines = self.lines.longest(begin, end) if by_lines else 0
         return Lateness(budget_ns, engine_ns, receive_ns, max(loop, loop_ns, 0), stolen, lines, by_loop)
-
-    def plant_between(self, begin: int, end: int) -> int:
-        """The longest delay of a model of the plant, ns; the drives do not wait for it."""
-        return _longest(self._plant, begin, end)
 
     def _engine(self, begin: int, end: int) -> tuple[int, int]:
         """Lateness of ticks, and the longest wait of a frame beyond a tick."""
@@ -132,19 +144,3 @@ class LatenessRecord:
             if when <= begin:
                 break
         return last - first if first is not None and last is not None else 0
-
-
-def _longest(entries: deque[tuple[int, int]], begin: int, end: int) -> int:
-    """The longest delay.  From the newest entry on: a storm asks for each of its connections."""
-    longest = 0
-    # a copy: another thread may append to it
-    for now, late in reversed(entries.copy()):
-        if now <= begin:
-            break
-        if _overlap(now - late, now, begin, end):
-            longest = max(longest, min(late, end - (now - late)))
-    return longest
-
-
-def _overlap(first: int, last: int, begin: int, end: int) -> bool:
-    return first < end and last > begin

@@ -31,9 +31,22 @@ __all__ = ["RealTimeEngine", "RealTimeSettings", "run_loop"]
 MAX_BATCHES = 16
 #: Added to a stamp, it lies behind every time of the engine.
 FAR_FUTURE = 1 << 62
+#: More than a clock that is slewed runs ahead within a tick.
+STEP_NS = 100_000
 LATENESS_BUCKETS = len(LATENESS_EDGES_NS) + 1
 #: An array, because indexing a tuple in compiled code copies it.
 _EDGES = np.array(LATENESS_EDGES_NS, np.int64)
+
+
+@compiled
+def offset_of_stamps(ahead: int, before: int) -> int:
+    """What is added to the kernel's stamps, which are of the wall clock, for the engine's time.
+
+    ``ahead``: how far the engine's time is ahead of the wall clock, ``before``: the same at the tick before.  Where the
+    wall clock has stepped forward since then, a frame from before the step would seem old, and its connection silent:
+    this tick's frames came now.
+    """
+    return ahead if ahead >= before - STEP_NS else FAR_FUTURE
 
 
 @compiled
@@ -44,6 +57,7 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
     """
     engine = columns.engine[0]
     told = engine.event_head
+    ahead = FAR_FUTURE
     now = time_ns(CLOCK_MONOTONIC, ring.clock)
     due = first_due(columns, now)
     engine.due_ns = due
@@ -61,10 +75,10 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
         engine.lateness[bucket] += 1
         engine.lateness_sum_ns += late
         engine.lateness_max_ns = max(engine.lateness_max_ns, late)
-        # kernel stamps are wall clock; the engine uses monotonic time
         offset = FAR_FUTURE
         if ring.stamped:
-            offset = now - time_ns(CLOCK_REALTIME, ring.clock)
+            ahead, before = now - time_ns(CLOCK_REALTIME, ring.clock), ahead
+            offset = offset_of_stamps(ahead, before)
         # one place that takes frames: they are inlined there
         for turn in range(2):
             source = ring.received if turn == 0 else ring.beside

@@ -209,7 +209,7 @@ class FarmCore:
                 signals,
                 self.columns,
                 partial(self._note_plant, log),
-                late=self.lateness.plant_late if in_real_time else None,
+                late=self.lateness.plant.note if in_real_time else None,
             )
         #: What is injected into the drives.
         self.injections = make_manager(

@@ -19,7 +19,7 @@ from pnfarm.engine import tick as engine_tick
 from pnfarm.engine.channels.class1 import CLASS1_PORT
 from pnfarm.engine.channels.delay_queue import sent_length, sent_port
 from pnfarm.engine.columns import RX_BATCH
-from pnfarm.engine.lateness import note_late
+from pnfarm.engine.lateness import LOOP_LATE_NS, note_late
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 from pnfarm.engine.sockets.xdp import open_xdp
 from pnfarm.errors import InternalError
@@ -38,6 +38,7 @@ from pnfarm.table.compiling.compiled import direct
 if TYPE_CHECKING:
     import socket
     from collections.abc import Callable
+    from typing import TypeAlias
 
     from pnfarm.buses.node import Node
     from pnfarm.engine.lateness import LatenessRecord
@@ -45,16 +46,19 @@ if TYPE_CHECKING:
     from pnfarm.links.serial.link import Poll, RepeatedPoll
     from pnfarm.wire.endpoint import SocketEvent
 
+    #: Calls it, and ends the farm with its exception.
+    Guard: TypeAlias = Callable[[Callable[[], None]], None]
+
 __all__ = ["RealTimeDriver"]
 
 next_due, next_step, tick = direct(engine_tick.next_due), direct(engine_tick.next_step), direct(engine_tick.tick)
 
 #: How often the driver checks that the engine's thread still runs.
 CHECK_SECONDS = 0.5
-#: How often the delay of the event loop and stolen time are read.
-HEARTBEAT_NS = 100_000_000
-#: Later ticks in the event loop are recorded; its timers are no more exact than a millisecond.
-LOOP_LATE_NS = 2_000_000
+#: How often the delay of the event loop is read: a shorter one can pass between two beats.
+BEAT_NS = 20_000_000
+#: Beats from one reading of stolen time to the next: it is in files.
+BEATS_TO_READ = 5
 
 
 class RealTimeDriver:
@@ -114,7 +118,7 @@ class RealTimeDriver:
         if self._lateness is not None:
             thread = self.engine.thread_id if self.engine else threading.get_native_id()
             ttys = any(one.line.kind in BY_TTY for one in lines_of(self.node.link).values())
-            self._heartbeat = _Heartbeat(self._lateness, thread, ttys=ttys)
+            self._heartbeat = _Heartbeat(self._lateness, thread, self._guard, ttys=ttys)
             self._heartbeat.start()
         self._guard(self._service)
         self._check(loop)
@@ -248,20 +252,21 @@ class RealTimeDriver:
 
 
 class _Heartbeat:
-    """Reads at intervals, and when asked, how late the event loop is and how much time was stolen from the engine.
+    """Reads at intervals how late the event loop is, and also when asked how much time was stolen from the engine.
 
     With ``ttys``, also how late octets of serial lines are in the kernel.
     """
 
-    def __init__(self, record: LatenessRecord, thread: int, *, ttys: bool) -> None:
+    def __init__(self, record: LatenessRecord, thread: int, guard: Guard, *, ttys: bool) -> None:
         self._record = record
+        self._guard = guard
         self._stolen = StolenTime(thread)
         self._carried: CarriedOctets | None = None
         if ttys:
             # without a pty to try, as in a container without /dev/ptmx, nothing is known of the kernel's part
             with contextlib.suppress(OSError):
-                self._carried = CarriedOctets(record.lines_late, time.monotonic_ns)
-        self._due = 0
+                self._carried = CarriedOctets(record.lines, time.monotonic_ns)
+        self._beats = 0
         self._handle: asyncio.TimerHandle | None = None
 
     def start(self) -> None:
@@ -271,6 +276,7 @@ class _Heartbeat:
 
     def stop(self) -> None:
         self._record.sample = None
+        self._record.loop.due_ns = 0
         if self._carried is not None:
             self._carried.close()
         if self._handle is not None:
@@ -279,21 +285,23 @@ class _Heartbeat:
     def late(self, due: int) -> None:
         """Something of the event loop that was due at ``due`` is being done now."""
         now = time.monotonic_ns()
-        self._record.loop_late(now, now - due)
+        self._record.loop.note(now, now - due)
 
     def _sample(self) -> None:
         self._record.stolen(time.monotonic_ns(), self._stolen.total_ns())
 
     def _arm(self) -> None:
-        self._due = time.monotonic_ns() + HEARTBEAT_NS
-        self._handle = asyncio.get_running_loop().call_later(HEARTBEAT_NS / 1e9, self._beat)
+        self._record.loop.due_ns = time.monotonic_ns() + BEAT_NS
+        self._handle = asyncio.get_running_loop().call_later(BEAT_NS / 1e9, self._guard, self._beat)
 
     def _beat(self) -> None:
-        self.late(self._due)
+        self.late(self._record.loop.due_ns)
+        self._arm()
+        self._beats += 1
         if self._carried is not None:
             self._carried.beat()
-        self._sample()
-        self._arm()
+        if self._beats % BEATS_TO_READ == 0:
+            self._sample()
 
 
 class _LoopEngine:
@@ -302,7 +310,7 @@ class _LoopEngine:
     A serial line has no cyclic frames: what is polled is not the engine's.
     """
 
-    def __init__(self, node: Node, link: TapLink | SerialLink, guard: Callable[[Callable[[], None]], None]) -> None:
+    def __init__(self, node: Node, link: TapLink | SerialLink, guard: Guard) -> None:
         self._node = node
         self._link = link
         self._guard = guard

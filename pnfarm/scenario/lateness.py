@@ -32,7 +32,7 @@ class FarmLateness:
     def was_late(self, begin: int, now: int) -> bool:
         """Whether it was later than its budget in that time, or its engine still stands."""
         found, stands = self._between(begin, now)
-        plant = self._core.lateness.plant_between(begin, now)
+        plant = self._core.lateness.plant.longest(begin, now)
         worst = max(found.worst_ns, stands, plant)
         if worst <= found.budget_ns:
             return False
@@ -51,7 +51,7 @@ class FarmLateness:
     def worst_ns(self, begin: int, now: int) -> int:
         """The largest lateness in that time."""
         found, stands = self._between(begin, now)
-        return max(found.worst_ns, stands, self._core.lateness.plant_between(begin, now))
+        return max(found.worst_ns, stands, self._core.lateness.plant.longest(begin, now))
 
     def _between(self, begin: int, now: int) -> tuple[Lateness, int]:
         found = farm_lateness(self._core, begin, now, budget=self._budget_ns)

@@ -6,12 +6,14 @@ A ring is in memory of the test, which writes slots as the kernel does.
 import socket
 
 import numpy as np
+import pytest
 from from_python import called
 from virtual_pair import Pair
 
 from pnfarm.engine.channels.delay_queue import sent_port
 from pnfarm.engine.channels.schedule import ChannelTable, ProviderPlan
 from pnfarm.engine.columns import RX_BATCH, allocate
+from pnfarm.engine.realtime import offset_of_stamps
 from pnfarm.engine.sockets.receive_ring import (
     HEAD,
     SLOT,
@@ -28,6 +30,9 @@ from pnfarm.table.channel import FRAME_SLOT
 
 #: Where the kernel puts a frame of Ethernet in a slot.
 BEGIN = 66
+MS = 1_000_000
+#: The engine's time and the wall clock.
+NOW, WALL = 5_000 * MS, 1_800_000_000_000 * MS
 
 
 def put(ring, slot, frame, *, port=7, when=0, begin=BEGIN, length=None, captured=None):
@@ -74,6 +79,23 @@ def test_frames_of_a_ring_are_taken_in_order_with_port_and_arrival():
     assert frames_of(columns, ring, 5) == sent
     assert list(columns.rx_port[:5]) == [20, 21, 22, 23, 24]
     assert list(columns.rx_ns[:5]) == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("stepped_ns", "arrival"),
+    [
+        # right, slewed, and set back: 10 ms ago as stamped, or at once
+        (0, NOW - 10 * MS), (50_000, NOW - 10 * MS - 50_000), (-3_600_000 * MS, NOW),
+        # set forward: a frame from before the step is not older by that
+        (MS, NOW), (3_600_000 * MS, NOW),
+    ],
+)  # fmt: skip
+def test_a_frame_from_before_a_step_of_the_wall_clock_arrives_when_it_is_taken(stepped_ns, arrival):
+    columns, ring = allocate(images=1), receive_ring(8)
+    put(ring, 0, bytes(60), when=WALL - 10 * MS)
+    offset = offset_of_stamps(NOW - (WALL + stepped_ns), NOW - WALL)
+    assert called(take_batch)(columns, ring, NOW, offset) == 1
+    assert columns.rx_ns[0] == arrival
 
 
 def test_a_frame_that_was_stamped_later_than_now_arrives_now():

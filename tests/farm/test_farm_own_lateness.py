@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
+import socket
+import threading
+import time
+
 import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device.events import ArAborted
-from pnfarm.engine.lateness import LATE_NS, note_late
+from pnfarm.engine.lateness import LATE_NS, LOOP_LATE_NS, note_late
 from pnfarm.engine.tick import tick
+from pnfarm.farm import realtime
 from pnfarm.farm.lateness import farm_budget_ns, farm_lateness
 from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.metrics import FarmCollector
@@ -120,7 +126,7 @@ def test_abort_by_the_controller_while_the_farm_did_not_run_is_the_farm_s():
 
 def test_event_loop_s_delay_counts_for_an_abort_but_not_for_a_watchdog():
     line = connected()
-    line.farm.lateness.loop_late(line.world.now + 10 * MS, 30 * MS)
+    line.farm.lateness.loop.note(line.world.now + 10 * MS, 30 * MS)
     own = line.farm.lateness.between(line.world.now - 50 * MS, line.world.now + 20 * MS, 16 * MS)
     assert (own.loop_ns, own.late) == (30 * MS, False)
     assert farm_lateness(line.farm, line.world.now - 50 * MS, line.world.now + 20 * MS).late
@@ -133,6 +139,41 @@ def test_tick_that_has_not_come_yet_counts_as_late():
     assert own.engine_ns == 30 * MS
     line.farm.columns.engine[0].due_ns = line.world.now - LATE_NS // 2
     assert farm_lateness(line.farm, line.world.now - 100 * MS, line.world.now).engine_ns == 0
+
+
+def test_what_the_event_loop_has_not_done_yet_counts_as_late():
+    line = connected()
+    line.farm.lateness.loop.due_ns = line.world.now - 30 * MS
+    assert farm_lateness(line.farm, line.world.now - 20 * MS, line.world.now).loop_ns == 30 * MS
+    line.farm.lateness.loop.due_ns = line.world.now - LOOP_LATE_NS // 2
+    assert farm_lateness(line.farm, line.world.now - 20 * MS, line.world.now).loop_ns == 0
+
+
+@pytest.mark.asyncio
+async def test_a_stall_of_the_event_loop_is_known_before_what_waited_for_it_is_handled():
+    record = connected().farm.lateness
+    heartbeat = realtime._Heartbeat(record, threading.get_native_id(), lambda action: action(), ttys=False)
+    heartbeat.start()
+    near, far = socket.socketpair()
+    near.setblocking(False)
+    near_is_read = asyncio.get_running_loop().create_future()
+
+    def handle():
+        near.recv(1)
+        now = time.monotonic_ns()
+        near_is_read.set_result(record.between(now - 80 * MS, now, 16 * MS, by_loop=True).cause)
+
+    asyncio.get_running_loop().add_reader(near, handle)
+    try:
+        far.send(b"-")
+        time.sleep(0.06)  # noqa: ASYNC251 - the event loop stands
+        assert await near_is_read == "farm"
+    finally:
+        asyncio.get_running_loop().remove_reader(near)
+        heartbeat.stop()
+        near.close()
+        far.close()
+    assert record.loop.due_ns == 0
 
 
 def test_lateness_counts_only_within_the_time_asked_for():

@@ -19,9 +19,11 @@ class Probe:
         self.now = 0
         self.noted = []
         self._is_noted = asyncio.Event()
-        self.carried = CarriedOctets(self._note, lambda: self.now)
+        #: When the octet under way was sent, 0: none is.
+        self.due_ns = 0
+        self.carried = CarriedOctets(self, lambda: self.now)
 
-    def _note(self, now, late):
+    def note(self, now, late):
         self.noted.append((now, late))
         self._is_noted.set()
 
@@ -45,25 +47,25 @@ def open_files():
 
 async def test_an_octet_that_waited_is_noted_with_its_time():
     with closing(Probe()) as probe:
-        probe.beat(0)
-        await probe.came(300 * MS)
-        probe.beat(300 * MS)
-        await probe.came(300 * MS)
-        assert probe.noted == [(300 * MS, 300 * MS), (300 * MS, 0)]
+        probe.beat(MS)
+        await probe.came(301 * MS)
+        probe.beat(301 * MS)
+        await probe.came(301 * MS)
+        assert probe.noted == [(301 * MS, 300 * MS), (301 * MS, 0)]
 
 
 async def test_an_octet_under_way_is_noted_at_each_beat_and_no_other_one_is_sent():
     with closing(Probe()) as probe:
-        for now in (0, 100 * MS, 200 * MS):
-            probe.beat(now)
-        await probe.came(250 * MS)
-        assert probe.noted == [(now, now) for now in (100 * MS, 200 * MS, 250 * MS)]
+        for late in (0, 100 * MS, 200 * MS):
+            probe.beat(MS + late)
+        await probe.came(251 * MS)
+        assert probe.noted == [(MS + late, late) for late in (100 * MS, 200 * MS, 250 * MS)]
 
 
 async def test_nothing_of_it_is_left_behind_a_close():
     probe = Probe()
     before = open_files()
-    probe.beat(0)
+    probe.beat(MS)
     probe.close()
     probe.close()
     assert open_files() == before - 2

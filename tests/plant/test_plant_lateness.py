@@ -91,7 +91,7 @@ def test_a_plant_that_is_late_makes_a_failure_inconclusive():
         begin = line.now_ns
         line.run(0.1)
         assert not lateness.was_late(begin, line.now_ns)
-        line.core.lateness.plant_late(line.now_ns, 25 * MS)
+        line.core.lateness.plant.note(line.now_ns, 25 * MS)
         line.run(0.001)
         assert lateness.was_late(begin, line.now_ns)
         assert "plant" in lateness.told

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pnfarm.engine.lateness import Delays
+
 __all__ = ["BY_TTY", "CarriedOctets"]
 
 #: Kinds of lines whose octets go this way; those of a socket do not.
@@ -21,27 +23,26 @@ BY_TTY = frozenset({"pty", "port"})
 
 
 class CarriedOctets:
-    """``note`` gets the time at which an octet came and how long it was carried, ns; from the event loop.
+    """``delays`` has the time at which an octet came and how long it was carried, and when one under way was due.
 
     Raises :class:`OSError` where no pty can be opened.
     """
 
-    def __init__(self, note: Callable[[int, int], None], clock: Callable[[], int]) -> None:
-        self._note, self._clock = note, clock
+    def __init__(self, delays: Delays, clock: Callable[[], int]) -> None:
+        self._delays, self._clock = delays, clock
         self._near, self._far = os.openpty()
         tty.setraw(self._far)
         os.set_blocking(self._near, False)
-        #: When the octet was written that is under way; None: none is.
-        self._sent_ns: int | None = None
         asyncio.get_running_loop().add_reader(self._far, self._arrived)
 
     def beat(self) -> None:
         """Send an octet; if one is under way still, note for how long."""
-        if self._sent_ns is None:
-            self._sent_ns = self._clock()
-            os.write(self._near, b"-")
+        now = self._clock()
+        if self._delays.due_ns:
+            self._delays.note(now, now - self._delays.due_ns)
         else:
-            self._came()
+            self._delays.due_ns = now
+            os.write(self._near, b"-")
 
     def close(self) -> None:
         """Harmless when closed."""
@@ -53,9 +54,6 @@ class CarriedOctets:
 
     def _arrived(self) -> None:
         os.read(self._far, 16)
-        self._came()
-        self._sent_ns = None
-
-    def _came(self) -> None:
         now = self._clock()
-        self._note(now, now - (now if self._sent_ns is None else self._sent_ns))
+        self._delays.note(now, now - self._delays.due_ns)
+        self._delays.due_ns = 0

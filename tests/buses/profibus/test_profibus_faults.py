@@ -146,14 +146,14 @@ def test_fewer_missing_answers_than_repetitions_cost_nothing(farm, count):
     assert bench.turns()
 
 
-@pytest.mark.parametrize("what", ["loop_late", "lines_late"])
+@pytest.mark.parametrize("what", ["loop", "lines"])
 @pytest.mark.parametrize(("late_ns", "cause"), [(0, "controller"), (20_000_000, "farm")])
 def test_a_slave_that_its_master_starts_anew_behind_a_late_answer_is_the_farms_own_loss(farm, late_ns, cause, what):
     bench = Bench(farm, keys="retries: 1", watchdog="2s")
     bench.inject("drop-cycles", count=2)
     bench.line.run(0.006)
     # what is noted in real time of the event loop, and of the kernel that carries the line's octets
-    getattr(bench.core.lateness, what)(bench.line.now_ns, late_ns)
+    getattr(bench.core.lateness, what).note(bench.line.now_ns, late_ns)
     bench.line.run(0.5)
     (lost,) = bench.line.events("connection lost")
     assert (lost.data["reason"], lost.data["cause"]) == ("parametrised-again", cause)
