@@ -149,30 +149,35 @@ def test_what_the_event_loop_has_not_done_yet_counts_as_late():
     assert farm_lateness(line.farm, line.world.now - 20 * MS, line.world.now).loop_ns == 0
 
 
-@pytest.mark.asyncio
-async def test_a_stall_of_the_event_loop_is_known_before_what_waited_for_it_is_handled():
-    record = connected().farm.lateness
+async def cause_behind_a_stall(record):
+    """As it is judged when what waited for the event loop is handled, which had stood for 60 ms."""
+    loop = asyncio.get_running_loop()
     heartbeat = realtime._Heartbeat(record, threading.get_native_id(), lambda action: action(), ttys=False)
     heartbeat.start()
     near, far = socket.socketpair()
     near.setblocking(False)
-    near_is_read = asyncio.get_running_loop().create_future()
+    cause = loop.create_future()
 
     def handle():
         near.recv(1)
         now = time.monotonic_ns()
-        near_is_read.set_result(record.between(now - 80 * MS, now, 16 * MS, by_loop=True).cause)
+        cause.set_result(record.between(now - 80 * MS, now, 16 * MS, by_loop=True).cause)
 
-    asyncio.get_running_loop().add_reader(near, handle)
+    loop.add_reader(near, handle)
     try:
         far.send(b"-")
         time.sleep(0.06)  # noqa: ASYNC251 - the event loop stands
-        assert await near_is_read == "farm"
+        return await cause
     finally:
-        asyncio.get_running_loop().remove_reader(near)
+        loop.remove_reader(near)
         heartbeat.stop()
         near.close()
         far.close()
+
+
+def test_a_stall_of_the_event_loop_is_known_before_what_waited_for_it_is_handled():
+    record = connected().farm.lateness
+    assert asyncio.run(cause_behind_a_stall(record)) == "farm"
     assert record.loop.due_ns == 0
 
 
