@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
 
@@ -12,6 +12,7 @@ from pnfarm.api.access.guard import Guard
 from pnfarm.api.access.rights import Rights
 from pnfarm.api.access.throttle import Throttle
 from pnfarm.api.changes import Changes
+from pnfarm.api.description import add_description
 from pnfarm.api.page import add_page
 from pnfarm.api.paths.devices import add_stations
 from pnfarm.api.paths.drives import add_drives
@@ -23,8 +24,7 @@ from pnfarm.api.paths.states import add_states
 from pnfarm.api.paths.streams import add_streams
 from pnfarm.api.paths.traces import add_traces
 from pnfarm.api.problems import install_handlers
-from pnfarm.api.schemas.device import ChangedSignals
-from pnfarm.api.schemas.problem import PROBLEMS, Problem, problems_of
+from pnfarm.api.schemas.problem import PROBLEMS
 from pnfarm.version import __version__
 from pnfarm.web.paths import Paths
 
@@ -83,7 +83,7 @@ def make_api(
         description=description,
         docs_url=None,
         redoc_url=None,
-        openapi_url="/openapi.json",
+        openapi_url=None,
         responses=PROBLEMS,
     )
     app.state.context = host
@@ -105,7 +105,7 @@ def make_api(
     add_farm(path("farm"), hosts.farm)
     add_streams(path("farm"), hosts.streams)
     add_page(app)
-    _describe_more(app)
+    add_description(app)
     app.add_middleware(Changes, record=host.record)
     app.add_middleware(Rights)
     if audit is not None:
@@ -114,30 +114,3 @@ def make_api(
     # outermost: a request above the limits is refused before its token is checked
     app.add_middleware(Throttle)
     return app
-
-
-def _describe_more(app: FastAPI) -> None:
-    """Add the schemas of errors and of a stream's messages, and drop FastAPI's own for validation."""
-    generate = app.openapi
-
-    def openapi() -> dict[str, Any]:
-        described = app.openapi_schema
-        if described is None:
-            described = generate()
-            schemas = described.setdefault("components", {}).setdefault("schemas", {})
-            # no body is one of these
-            for model in (Problem, ChangedSignals):
-                schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
-                schemas.update(schema.pop("$defs", {}))
-                schemas[model.__name__] = schema
-            for place, path in described["paths"].items():
-                for method, operation in path.items():
-                    # FastAPI's own 422 is of another form
-                    operation["responses"].pop("422", None)
-                    operation["responses"].update(problems_of(method, place, operation))
-            schemas.pop("HTTPValidationError", None)
-            schemas.pop("ValidationError", None)
-            app.openapi_schema = described
-        return described
-
-    app.openapi = openapi  # type: ignore[method-assign]  # the documented way to extend the description

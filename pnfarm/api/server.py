@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import socket
 from typing import TYPE_CHECKING, Any
 
@@ -122,8 +123,12 @@ def audit_of(config: FarmConfig) -> AuditLog | None:
     section = config.api
     if section is None or section.audit is None:
         return None
-    state = config.state_directory
-    return AuditLog(config.beside(section.audit), None if state is None else state / "audit-end.json")
+    path, state = config.beside(section.audit), config.state_directory
+    if state is None:
+        return AuditLog(path)
+    # shards of one file share the state folder, and each has a log of its own
+    place = hashlib.sha256(str(path.resolve()).encode()).hexdigest()
+    return AuditLog(path, state / f"audit-end-{place[:8]}.json")
 
 
 async def serve(
@@ -153,6 +158,8 @@ async def _serve(
         h11_max_incomplete_event_size=MAX_HEAD,
         log_config=None,
         access_log=False,
+        # a client of this machine could name any other one as itself, and the audit log would have it
+        proxy_headers=False,
         lifespan="off",
         ws="none",
         server_header=False,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pnfarm.station.event import Event, Level, event, shown, unshown
 
 __all__ = [
@@ -90,11 +92,14 @@ class FarmStopped(Event):
 
 @event("api listening")
 class ApiListening(Event):
-    """The API's address; its token unless the user knows it, or the file that holds it."""
+    """The API's address; its token unless the user knows it, in the program's own log alone, or the file with it."""
 
     url: str
-    token: str | None = shown(always=False, default=None)
+    token: str | None = unshown(default=None)
     token_file: str | None = shown(always=False, default=None)
+
+    def logged(self) -> dict[str, Any]:
+        return {**self.details(), **({"token": self.token} if self.token is not None else {})}
 
 
 @event("opc ua listening")

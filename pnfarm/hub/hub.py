@@ -174,7 +174,7 @@ class Hub(Context):
 
     def record(self, event: Event) -> None:
         """The hub's own entry of the log."""
-        getattr(logger, event.level)(event.text, **event.details())
+        getattr(logger, event.level)(event.text, **event.logged())
         self._own += 1
         now = self.now()
         head = {"time": self.wall(), "farm_seconds": now / 1e9, "drive": "", "event": event.text}
@@ -319,6 +319,8 @@ class Hub(Context):
         try:
             number = int(entry["sequence"])
             moved = self.entry(shard, entry)
+            # a shard of an older version has its token here
+            moved.pop("token", None)
             str(entry["drive"] + entry["event"])
         except (KeyError, TypeError, ValueError, OverflowError) as exc:
             raise AwayError(f"{shard.label} sends entries that no farm has", slug="garbage") from exc

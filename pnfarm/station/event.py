@@ -69,6 +69,10 @@ class Event:
                 found[one.metadata.get("name") or one.name] = told
         return found
 
+    def logged(self) -> dict[str, Any]:
+        """The same for the program's own log, which may have what no client of the API may read."""
+        return self.details()
+
 
 def shown(
     show: Callable[[Any], Any] | None = None,

@@ -86,7 +86,7 @@ class EventLog:
             entries.append(entry)
             del entries[:-DRIVE_ENTRIES]
         if not self.quiet:
-            getattr(logger, event.level)(event.text, **({"drive": drive} if drive else {}), **event.details())
+            getattr(logger, event.level)(event.text, **({"drive": drive} if drive else {}), **event.logged())
         for subscriber in list(self._subscribers):
             subscriber(entry)
         return entry

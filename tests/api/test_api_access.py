@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import anyio
+import httpx
 import pytest
-from api_world import ApiWorld, assert_problem
+from api_world import BASE, ApiWorld, assert_problem
+
+from pnfarm.api.access import login
+from pnfarm.api.access.guard import MOST_STRANGERS
+from pnfarm.api.access.throttle import MOST_REQUESTS
 
 FULL, READS = "the-farms-own-token", "the-token-that-reads"  # a test's, nobody's
 DRIVES = "/api/v1/drives"
@@ -53,6 +59,49 @@ def test_a_token_in_the_query_opens_the_page_only(guarded):
     assert_problem(guarded.get(f"/metrics?token={FULL}"), 401, "token")
     assert guarded.get("/?token=%C3%A9%FF").status_code == 200, "the login page"
     assert guarded.get(f"/?token={FULL}").status_code == 303
+
+
+def test_strangers_who_let_the_farm_wait_leave_room_for_who_has_a_token(guarded):
+    """A form whose body never comes, on as many connections as there are: more than some are told to come again."""
+
+    async def never():
+        await anyio.sleep_forever()
+        yield b""
+
+    async def main():
+        transport = httpx.ASGITransport(guarded.app)
+        async with httpx.AsyncClient(transport=transport, base_url=BASE) as client, anyio.create_task_group() as group:
+            statuses, are_refused = [], anyio.Event()
+
+            async def open_form():
+                statuses.append((await client.post("/", content=never())).status_code)
+                if len(statuses) == MOST_REQUESTS - MOST_STRANGERS:
+                    are_refused.set()
+
+            for _ in range(MOST_REQUESTS):
+                group.start_soon(open_form)
+            with anyio.fail_after(60):
+                await are_refused.wait()
+            assert set(statuses) == {503}
+            full = {"Authorization": f"Bearer {FULL}"}
+            assert (await client.get(DRIVES, headers=full)).status_code == 200
+            assert (await client.get("/openapi.json", headers=full)).status_code == 200
+            assert (await client.get("/openapi.json")).status_code == 503
+            assert (await client.get("/api/v1/healthz")).status_code == 200
+            group.cancel_scope.cancel()
+
+    anyio.run(main)
+    assert guarded.get("/").status_code == 200
+
+
+def test_a_form_that_does_not_come_is_waited_for_no_longer_than_a_browser_takes(guarded, monkeypatch):
+    monkeypatch.setattr(login, "FORM_SECONDS", 0.01)
+
+    async def never():
+        await anyio.sleep_forever()
+        yield b""
+
+    assert guarded.request("POST", "/", content=never()).status_code == 403
 
 
 def test_of_many_authorizations_the_first_counts(guarded):

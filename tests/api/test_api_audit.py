@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import errno
 import hashlib
 import json
 import os
+import threading
 from functools import cached_property
 
 import anyio
@@ -13,7 +16,7 @@ import pytest
 from api_world import ApiWorld, assert_problem
 
 from pnfarm.api.access import audit as audit_module
-from pnfarm.api.access.audit import FIRST, AuditLog, kept
+from pnfarm.api.access.audit import FIRST, MOST_LINE, AuditLog, kept
 from pnfarm.api.access.audit_check import check_audit
 from pnfarm.api.access.token_file import TokenFile, add_token
 from pnfarm.cli.main import main
@@ -96,6 +99,60 @@ def test_each_change_has_a_record_before_it_and_one_for_its_answer(tmp_path):
     assert (refused["token"], refused["role"], forbidden["status"]) == ("wall", "read", 403)
     assert check_audit(tmp_path / "audit.jsonl").wrong == []
     assert (tmp_path / "audit.jsonl").stat().st_mode & 0o777 == 0o600
+
+
+def test_who_shows_no_token_writes_nothing_not_even_on_an_open_path(tmp_path):
+    log = AuditLog(tmp_path / "audit.jsonl")
+    world = ApiWorld(1, controller=False, audit=log, token="the-farms-own")
+    for path in ("/openapi.json", "/api/v1/healthz", "/api/v1/readyz", "/api/v1/reset"):
+        assert world.post(path).status_code == 401
+        assert (world.get(path).status_code == 401) is path.endswith("reset")
+    assert log.sequence == 0
+    log.release()
+
+
+def test_what_a_client_makes_long_is_cut_and_known_by_its_digest(run):
+    long = "x" * 30_000
+    assert run.world.post(f"/api/v1/{long}?{long}").status_code == 404
+    told = run.records[1]
+    digest = hashlib.sha256(f"/api/v1/{long}".encode()).hexdigest()
+    assert told["path"] == f"/api/v1/{long[:1992]}... (30008 characters, SHA-256 {digest})"
+    assert len(told["query"]) < 2200
+    assert check_audit(run.file).wrong == []
+
+
+def test_a_record_that_the_check_could_not_read_is_not_written(run):
+    with pytest.raises(OSError, match="too long"):
+        anyio.run(run.log.request, {"path": "x" * MOST_LINE})
+    run.note_one()
+    assert check_audit(run.file).wrong == []
+
+
+def test_a_request_that_is_given_up_while_it_is_written_is_not_written_over(run, monkeypatch):
+    began, go_on, sync = threading.Event(), threading.Event(), os.fdatasync
+
+    def slow(file):
+        began.set()
+        assert go_on.wait(60)
+        sync(file)
+
+    monkeypatch.setattr(audit_module.os, "fdatasync", slow)
+
+    async def main():
+        # as a server does that ends: it cancels the task, not by a scope of its own
+        task = asyncio.ensure_future(run.log.request({"path": "/"}))
+        await anyio.to_thread.run_sync(began.wait)
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+        ending = asyncio.ensure_future(run.log.close())
+        await asyncio.sleep(0)  # a turn of the loop: the end waits for the octets before it
+        go_on.set()
+        await ending
+
+    asyncio.run(main())
+    assert [one["record"] for one in run.records] == ["begin", "request", "end"]
+    assert check_audit(run.file).wrong == []
 
 
 def test_the_handler_gets_the_body_that_was_read_and_a_body_without_end_none(run):
@@ -224,6 +281,16 @@ def test_a_killed_run_leaves_no_more_than_notes(run, tmp_path):
     assert found.wrong == []
     assert len(found.notes) == 1
     assert "it is not a record" in found.notes[0]
+
+
+def test_a_log_that_is_only_looked_at_is_not_made(run, tmp_path):
+    run.end()
+    run.file.unlink()
+    for _ in range(2):
+        log = AuditLog(run.file, run.note)
+        assert log.found == "missing"
+        log.release()
+    assert not run.file.exists()
 
 
 def test_two_processes_do_not_write_one_file(run, tmp_path):

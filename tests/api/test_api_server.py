@@ -199,7 +199,10 @@ def test_farm_is_served_as_its_file_says_and_its_new_token_is_told_once():
             async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}") as client:
                 assert (await client.get("/api/v1/healthz")).status_code == 200
                 assert (await client.get("/metrics")).status_code == 401
-                shown = {"Authorization": f"Bearer {told.data['token']}"}
+                # what any client may read has no token
+                assert "token" not in told.data
+                assert told.what.logged()["token"] == told.what.token
+                shown = {"Authorization": f"Bearer {told.what.token}"}
                 assert (await client.get("/metrics", headers=shown)).status_code == 200
             group.cancel_scope.cancel()
 

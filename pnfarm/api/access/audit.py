@@ -30,6 +30,7 @@ import hashlib
 import json
 import os
 import stat
+import threading
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from http import HTTPStatus
@@ -57,8 +58,9 @@ __all__ = ["FIRST", "MOST_LINE", "Audit", "AuditLog", "digest_of_line", "kept"]
 
 #: ``previous`` of the first line.
 FIRST = "0" * 64
-#: Octets of a line: a request's head has at most 16 kB, and each octet of it may take six.
+#: Octets of a line, and characters of what a client names in it, each of which may take six octets.
 MOST_LINE = 131_072
+MOST_TEXT = 2_000
 #: How long a request waits for the disk that others wait for.
 WAIT_SECONDS = 5.0
 #: Octets of the note of the end; in one sector, so that it is there as a whole or not at all.
@@ -93,7 +95,10 @@ class AuditLog:
         #: Answers that could not be written: they are the first to be, before any further request.
         self._owed: list[dict[str, Any]] = []
         self._lock = anyio.Lock()
+        #: Held while octets are written: a request whose task was cancelled may write still.
+        self._writing = threading.Lock()
         was_there = path.exists()
+        self._made = not was_there
         self._file = self._open(path)
         try:
             noted = self._noted()
@@ -138,7 +143,9 @@ class AuditLog:
             self.release()
 
     def release(self) -> None:
-        """Close the files without a record."""
+        """Close the files without a record; a log that was made now and has none is gone again."""
+        if self._made and self._file >= 0 and os.fstat(self._file).st_size == 0:
+            self.path.unlink(missing_ok=True)
         for one in (self._file, self._note):
             if one is not None and one >= 0:
                 os.close(one)
@@ -172,10 +179,11 @@ class AuditLog:
             self._lock.release()
 
     def _append_all(self, record: dict[str, Any]) -> int:
-        while self._owed:
-            self._append(self._owed[0])
-            del self._owed[0]
-        return self._append(record)
+        with self._writing:
+            while self._owed:
+                self._append(self._owed[0])
+                del self._owed[0]
+            return self._append(record)
 
     def _append(self, record: dict[str, Any]) -> int:
         """One line, whole or not at all; on the disk, but for answers, which the next record takes along."""
@@ -184,6 +192,8 @@ class AuditLog:
         time = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S.%fZ}"
         whole = {"sequence": self._sequence + 1, "time": time, **record, "previous": self._digest}
         line = json.dumps(whole, separators=(",", ":")).encode("ascii")
+        if len(line) > MOST_LINE:
+            raise OSError(errno.EMSGSIZE, os.strerror(errno.EMSGSIZE))
         octets = (b"\n" if self._torn else b"") + line + b"\n"
         try:
             if os.write(self._file, octets) != len(octets):
@@ -357,12 +367,20 @@ def _fields(scope: Scope, body: bytes) -> dict[str, Any]:
     return {
         "token": scope[WHO],
         "role": scope[ROLE].value,
-        "peer": str(client[0]) if client else "",
-        "method": scope["method"],
-        "path": scope["path"],
-        "query": scope.get("query_string", b"").decode("latin-1"),
+        "peer": _cut(str(client[0]) if client else ""),
+        "method": _cut(scope["method"]),
+        "path": _cut(scope["path"]),
+        "query": _cut(scope.get("query_string", b"").decode("latin-1")),
         "body": hashlib.sha256(body).hexdigest(),
     }
+
+
+def _cut(text: str) -> str:
+    """Of a text that is too long its begin, and the digest of the whole."""
+    if len(text) <= MOST_TEXT:
+        return text
+    digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+    return f"{text[:MOST_TEXT]}... ({len(text)} characters, SHA-256 {digest})"
 
 
 def _again(body: bytes, receive: Receive) -> Receive:

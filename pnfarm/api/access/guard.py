@@ -43,6 +43,10 @@ WHO = "pnfarm.who"
 ROLE = "pnfarm.role"
 #: Open without a token: for orchestrators, or without confidential content.
 OPEN_PATHS = frozenset({"/api/v1/healthz", "/api/v1/readyz", "/openapi.json"})
+#: Those of them that are answered in a few octets: no client can keep such an answer waiting.
+_PROBES = OPEN_PATHS - {"/openapi.json"}
+#: Other requests without a good token at once: each may wait for its client, in one of the places that all share.
+MOST_STRANGERS = 4
 #: Host and port as RFC 9110 writes them, an IPv6 address in brackets.
 _HOST = re.compile(r"(?:\[([0-9A-Fa-f:.]+)\]|([A-Za-z0-9.-]+))(?::[0-9]{1,5})?")
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
@@ -88,6 +92,7 @@ class Guard:
     def __init__(self, app: ASGIApp, keys: Keys | None = None) -> None:
         self._app = app
         self._keys = keys or Keys()
+        self._strangers = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -95,6 +100,28 @@ class Guard:
             return
         request = Request(scope, receive)
         holder = self._holder(request)
+        if not self._may_wait(request, holder):
+            await self._answer(request, holder, send)
+        elif self._strangers >= MOST_STRANGERS:
+            sentence = f"{MOST_STRANGERS} requests without a token are being answered; try again"
+            busy = problem(HTTPStatus.SERVICE_UNAVAILABLE, sentence, request, headers={"Retry-After": "1"})
+            await busy(scope, receive, send)
+        else:
+            self._strangers += 1
+            try:
+                await self._answer(request, holder, send)
+            finally:
+                self._strangers -= 1
+
+    def _may_wait(self, request: Request, holder: Holder | None) -> bool:
+        """Whether somebody without a good token may have the farm wait: for the form, or behind a long answer."""
+        if not self._keys.needed or (holder is not None and self._keys.is_good(holder)):
+            return False
+        path = request.scope["path"]
+        return path == "/" or path in OPEN_PATHS - _PROBES
+
+    async def _answer(self, request: Request, holder: Holder | None, send: Send) -> None:
+        scope, receive = request.scope, request.receive
         refusal = await self._judge(request, holder)
         if refusal is not None:
             await refusal(scope, receive, send)
@@ -110,7 +137,7 @@ class Guard:
             return self._enter(request, "loopback", Role.ADMIN) or _judge_host(request)
         if holder is not None and self._keys.is_good(holder):
             return self._enter(request, holder.name, holder.role)
-        if request.scope["path"] in OPEN_PATHS:
+        if request.method in SAFE_METHODS and request.scope["path"] in OPEN_PATHS:
             return self._enter(request, "anybody", Role.READ)
         if request.scope["path"] == "/":
             return await self._door(request, holder)

@@ -12,6 +12,7 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs
 
+import anyio
 from starlette.responses import HTMLResponse
 
 from pnfarm.web.bodies import read_octets
@@ -24,6 +25,8 @@ __all__ = ["login_page", "typed_token"]
 
 #: Octets of a form; a token has at most 512.
 MAX_FORM = 4096
+#: How long the farm waits for it: a browser sends it at once.
+FORM_SECONDS = 2.0
 _STYLE = """
 :root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 34rem; margin: 4rem auto; padding: 0 1rem; }
@@ -61,7 +64,9 @@ def login_page(alert: str = "") -> HTMLResponse:
 async def typed_token(request: Request) -> str:
     """The token in the submitted form; empty if the body is not such a form."""
     try:
-        body = await read_octets(request, MAX_FORM)
-        return parse_qs(body.decode("ascii")).get("token", [""])[0].strip()
+        with anyio.move_on_after(FORM_SECONDS):
+            body = await read_octets(request, MAX_FORM)
+            return parse_qs(body.decode("ascii")).get("token", [""])[0].strip()
     except (TooLargeError, ClientGoneError, ValueError):
-        return ""
+        pass
+    return ""

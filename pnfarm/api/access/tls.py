@@ -128,11 +128,11 @@ def _tried(context: ssl.SSLContext, certificate: Path) -> tuple[tuple[str, ...],
     asking.check_hostname = False
     # of a chain, the server's own certificate alone is judged
     asking.verify_flags |= ssl.VerifyFlags.VERIFY_X509_PARTIAL_CHAIN
-    asking.load_verify_locations(certificate)
     there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
-    client = asking.wrap_bio(back, there)
-    server = context.wrap_bio(there, back, server_side=True)
     try:
+        asking.load_verify_locations(certificate)
+        client = asking.wrap_bio(back, there)
+        server = context.wrap_bio(there, back, server_side=True)
         for _ in range(8):
             done = [_shaken(end) for end in (client, server)]
             if all(done):
@@ -225,7 +225,10 @@ class TlsDoor(asyncio.Protocol):
                 self.registry.count(self, _why(exc))
         finally:
             self.registry.gone(self)
-        if tls is None or tls.is_closing():
+        if tls is None:
+            self.transport.abort()
+            return
+        if tls.is_closing():
             return
         # as much as without TLS: what a client does not read waits with the farm no longer than that
         tls.set_write_buffer_limits(high=WRITE_BUFFER)

@@ -197,11 +197,13 @@ class ControllerRecord:
         phases[phase] = now
 
     def _opened(self, connection: int, controller: str, now: int) -> None:
-        start, self._waiting = self._wait(), None
+        start = self._open.get(connection)
+        if start is None:
+            start, self._waiting = self._wait(), None
+            # what another controller lost is not this one's, unless it takes that one's place
+            start.lost_ns = self._lost.get(controller, None if self._open else start.lost_ns)
         start.attempts += 1
         start.controller = controller
-        # what another controller lost is not this one's, unless it takes that one's place
-        start.lost_ns = self._lost.get(controller, None if self._open else start.lost_ns)
         # those of an attempt that failed
         start.phases = {name: when for name, when in start.phases.items() if name in BEFORE}
         start.phases["connect"] = now

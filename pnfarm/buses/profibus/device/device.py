@@ -92,6 +92,8 @@ class ProfibusDevice:
         self._answers: list[bytes] = []
         #: Counts parametrisations: which of them is in force.
         self.number = 0
+        #: Whether the connection of this number came to data exchange.
+        self._exchanged = True
         #: Set by an injection: the line has another rate for this slave, which hears nothing but garbage.
         self.deaf = False
         self._due: int | None = None
@@ -277,7 +279,9 @@ class ProfibusDevice:
                 self._show_rate()
                 self.note(now, happened.BaudRateLost())
             case dp.ParametersTaken(master, parameters):
-                self.number += 1
+                # one that never came to data exchange goes on: a master may try for hours
+                self.number += self._exchanged
+                self._exchanged = False
                 self._watchdog_ns = parameters.watchdog_ns()
                 wrong = self.kind.parametrised(parameters)
                 visits.opened(Caller(str(master)), self.number, 0, parameters.watchdog_ns(), now)
@@ -314,6 +318,7 @@ class ProfibusDevice:
 
     def _began(self, master: int, now: int) -> None:
         self.connects += 1
+        self._exchanged = True
         self.connected_ns = now
         self.image.begin()
         self.kind.began()
