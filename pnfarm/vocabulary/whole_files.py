@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
 from typing import TYPE_CHECKING
@@ -16,18 +17,22 @@ __all__ = ["write_whole"]
 def write_whole(files: Mapping[Path, bytes], mode: int | None = None) -> None:
     """Write all files beside their places, to the disk, before the first takes its place; a link is not followed.
 
-    ``mode``: their permissions; left out, those of the files that they replace.  Raises :class:`OSError` with the
-    path of ``files`` whose file could not be written.
+    ``mode``: their permissions; left out, those of the files that they replace, and their owners.  Raises
+    :class:`OSError` with the path of ``files`` whose file could not be written.
     """
     fresh = {path: path.with_name(f".{path.name}.{os.getpid()}") for path in files}
     path = None
     try:
         for path, octets in files.items():
-            old = path.lstat().st_mode if os.path.lexists(path) else None
-            wanted = mode if mode is not None or old is None else stat.S_IMODE(old)
+            old = path.lstat() if os.path.lexists(path) else None
+            wanted = mode if mode is not None or old is None else stat.S_IMODE(old.st_mode)
             flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC
             fd = os.open(fresh[path], flags, 0o666 if wanted is None else wanted & 0o600)
             with os.fdopen(fd, "wb") as out:
+                if mode is None and old is not None:
+                    # who is not root owns what it writes
+                    with contextlib.suppress(PermissionError):
+                        os.fchown(fd, old.st_uid, old.st_gid)
                 if wanted is not None:
                     os.fchmod(fd, wanted)
                 out.write(octets)

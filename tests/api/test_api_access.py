@@ -104,6 +104,19 @@ def test_a_form_that_does_not_come_is_waited_for_no_longer_than_a_browser_takes(
     assert guarded.request("POST", "/", content=never()).status_code == 403
 
 
+def test_cookies_of_other_programs_of_the_host_lock_no_browser_out(guarded):
+    for other in ('prefs={"a":1}', "name=a b", b"name=\xfc", "=", ";"):
+        cookie = (other if isinstance(other, bytes) else other.encode()) + f"; pnfarm_token={FULL}".encode()
+        assert guarded.get(DRIVES, headers={"Cookie": cookie}).status_code == 200
+
+
+def test_a_token_in_the_address_replaces_that_of_the_browser_and_does_not_stay_there(guarded):
+    answer = guarded.get(f"/?token={FULL}", headers={"Cookie": f"pnfarm_token={READS}"})
+    assert (answer.status_code, answer.headers["location"]) == (303, "/")
+    assert f"pnfarm_token={FULL}" in answer.headers["set-cookie"]
+    assert guarded.get("/?token=wrong", headers={"Cookie": f"pnfarm_token={READS}"}).status_code == 200
+
+
 def test_of_many_authorizations_the_first_counts(guarded):
     many = [("Authorization", "Bearer wrong"), ("Authorization", f"Bearer {FULL}")]
     assert_problem(guarded.get(DRIVES, headers=many), 401, "token")

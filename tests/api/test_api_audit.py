@@ -189,6 +189,18 @@ def test_what_cannot_be_written_is_not_done_and_the_farm_goes_on(run, monkeypatc
     assert check_audit(run.file).wrong == []
 
 
+@pytest.mark.parametrize("is_replaced", [False, True])
+def test_while_the_file_is_not_in_its_place_nothing_is_changed(run, tmp_path, is_replaced):
+    moved = run.file.rename(tmp_path / "moved")
+    if is_replaced:
+        run.file.write_text("")
+    assert_problem(run.world.post(FAULTS, FAULT), 503, "nothing was changed")
+    assert run.world.faults.list() == []
+    moved.rename(run.file)
+    assert run.world.post(FAULTS, FAULT).status_code == 201
+    assert check_audit(run.file).wrong == []
+
+
 def test_an_answer_that_could_not_be_written_is_there_before_the_next_request(run, monkeypatch):
     write = os.write
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import threading
 
 import anyio
 import pytest
@@ -10,6 +12,7 @@ from api_world import ApiWorld, assert_problem
 from events import Something
 from hub_world import HubWorld
 
+from pnfarm.api.access import token_file
 from pnfarm.api.access.guard import COOKIE, OPEN_PATHS, SAFE_METHODS
 from pnfarm.api.access.rights import role_of
 from pnfarm.api.access.token_file import TokenFile, add_token, read_tokens, remove_tokens
@@ -252,6 +255,46 @@ def test_a_wrong_line_is_named(tmp_path, text, sentence):
     (tmp_path / "tokens").write_text(text)
     with pytest.raises(ConfigError, match=sentence):
         read_tokens(tmp_path / "tokens")
+
+
+def test_a_change_through_a_link_changes_the_file_and_leaves_its_owner(tmp_path):
+    file, link = tmp_path / "shared", tmp_path / "link"
+    add_token(file, "leaver", Role.ADMIN, None)
+    file.chmod(0o640)
+    if os.geteuid() == 0:
+        os.chown(file, 1234, 4321)
+    before = file.stat()
+    link.symlink_to(file)
+    add_token(link, "ci", Role.READ, None)
+    remove_tokens(link, ["leaver"])
+    assert link.is_symlink()
+    assert [holder.name for holder in TokenFile(file).holders()] == ["ci"]
+    after = file.stat()
+    assert (after.st_uid, after.st_gid, after.st_mode) == (before.st_uid, before.st_gid, before.st_mode)
+
+
+def test_of_two_changes_at_once_none_is_lost(tmp_path, monkeypatch):
+    """A token is removed while another one is added: each reads the file and writes it."""
+    file = tmp_path / "tokens"
+    add_token(file, "leaver", Role.ADMIN, None)
+    read, go_on = threading.Event(), threading.Event()
+    parse = token_file.parse
+
+    def slow(path, text):
+        read.set()
+        assert go_on.wait(60)
+        return parse(path, text)
+
+    monkeypatch.setattr(token_file, "parse", slow)
+    adding = threading.Thread(target=add_token, args=(file, "ci", Role.READ, None))
+    adding.start()
+    assert read.wait(60)
+    removing = threading.Thread(target=remove_tokens, args=(file, ["leaver"]))
+    removing.start()
+    go_on.set()
+    for one in (adding, removing):
+        one.join()
+    assert [holder.name for holder in read_tokens(file)] == ["ci"]
 
 
 def test_the_file_keeps_no_secret_and_what_its_owner_wrote(tmp_path):

@@ -58,6 +58,20 @@ def test_a_full_pipe_loses_lines_and_the_next_one_says_how_many():
     assert [line.get("lines_lost") for line in after] == [200 - len(kept), None]
 
 
+def test_what_a_client_names_does_not_steer_the_terminal():
+    try:
+        with piped() as pipe:
+            configure(as_json=False)
+            structlog.get_logger().info("fault requested", path="/\x1b]0;mine\x07\n\u202ename", drive="Achse-ü")
+            text = drain(pipe)
+    finally:
+        configure(as_json=False)
+        structlog.reset_defaults()
+    assert text.rstrip("\n").isprintable()
+    assert "mine" in text
+    assert "Achse-ü" in text
+
+
 def test_a_line_that_was_cut_off_is_ended_before_the_next_one():
     with piped() as pipe:
         error = StandardError()

@@ -194,6 +194,10 @@ class AuditLog:
         line = json.dumps(whole, separators=(",", ":")).encode("ascii")
         if len(line) > MOST_LINE:
             raise OSError(errno.EMSGSIZE, os.strerror(errno.EMSGSIZE))
+        # a record in a file that nobody finds is none
+        there, own = self.path.stat(), os.fstat(self._file)
+        if (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
+            raise OSError(errno.ESTALE, "another file is in its place")
         octets = (b"\n" if self._torn else b"") + line + b"\n"
         try:
             if os.write(self._file, octets) != len(octets):

@@ -12,12 +12,11 @@ from __future__ import annotations
 import contextlib
 import re
 from http import HTTPStatus
-from http.cookies import CookieError, SimpleCookie
 from ipaddress import ip_address
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
-from starlette.requests import Request
+from starlette.requests import Request, cookie_parser
 from starlette.responses import RedirectResponse
 
 from pnfarm.api.access.keys import Keys
@@ -135,6 +134,9 @@ class Guard:
             return problem(HTTPStatus.FORBIDDEN, f"a page of {origin} may not change this farm", request)
         if not self._keys.needed:
             return self._enter(request, "loopback", Role.ADMIN) or _judge_host(request)
+        if (named := self._named(request)) is not None and self._keys.is_good(named[1]):
+            # removes the token from the address bar and the browser's history
+            return _let_in(named[0], request)
         if holder is not None and self._keys.is_good(holder):
             return self._enter(request, holder.name, holder.role)
         if request.method in SAFE_METHODS and request.scope["path"] in OPEN_PATHS:
@@ -158,13 +160,17 @@ class Guard:
             if known is None:
                 return login_page("Wrong token.")
             return _let_in(typed, request) if self._keys.is_good(known) else login_page(f"{_expired(known)}.")
-        asked = parse_qs(request.scope.get("query_string", b"").decode("latin-1")).get("token", [])
-        known = self._keys.holder(asked[0]) if request.method == "GET" and asked else None
-        if known is not None and self._keys.is_good(known):
-            # removes the token from the address bar and the browser's history
-            return _let_in(asked[0], request)
-        over = known or holder
+        named = self._named(request)
+        over = named[1] if named is not None else holder
         return login_page("" if over is None else f"{_expired(over)}.")
+
+    def _named(self, request: Request) -> tuple[str, Holder] | None:
+        """The token that a browser names in the page's address, and whose it is."""
+        if request.method != "GET" or request.scope["path"] != "/":
+            return None
+        asked = parse_qs(request.scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+        known = self._keys.holder(asked) if asked else None
+        return None if known is None else (asked, known)
 
     def _holder(self, request: Request) -> Holder | None:
         """Whose token the request shows: a good one, else one that has expired."""
@@ -206,9 +212,6 @@ def _shown(request: Request) -> Iterator[str]:
     scheme, _, shown = request.headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer" and (secret := shown.strip()):
         yield secret
-    try:
-        cookie = SimpleCookie(request.headers.get("cookie", "")).get(COOKIE)
-    except CookieError:
-        return
-    if cookie is not None and cookie.value:
-        yield cookie.value
+    # other programs of this host have cookies, too, and not each as it should be
+    if secret := cookie_parser(request.headers.get("cookie", "")).get(COOKIE):
+        yield secret

@@ -11,9 +11,12 @@ Who reads the file learns no secret: these are random, and too long to be guesse
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
+import os
 import re
 import secrets
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
@@ -164,36 +167,56 @@ def add_token(path: Path, name: str, role: Role, ends: float | None) -> str:
         check_name(name)
     except ValueError as exc:
         raise ConfigError(str(exc)) from exc
-    text = _text(path) if path.exists() else _HEADER
-    if any(holder.name == name for holder in parse(path, text)):
-        raise ConfigError(f"{path} has a token {name} already; `pnfarm token remove` takes it away")
-    secret = new_secret()
-    holder = Holder(name, role, digest_of(secret), ends)
-    line = f"{name}  {role}  {holder.until}  sha256:{holder.digest.hex()}\n"
-    changed = f"{text}{'' if text.endswith(chr(10)) or not text else chr(10)}{line}"
-    parse(path, changed)
-    _write(path, changed)
+    with _changing(path) as file:
+        text = _text(file) if file.exists() else _HEADER
+        if any(holder.name == name for holder in parse(path, text)):
+            raise ConfigError(f"{path} has a token {name} already; `pnfarm token remove` takes it away")
+        secret = new_secret()
+        holder = Holder(name, role, digest_of(secret), ends)
+        line = f"{name}  {role}  {holder.until}  sha256:{holder.digest.hex()}\n"
+        changed = f"{text}{'' if text.endswith(chr(10)) or not text else chr(10)}{line}"
+        parse(path, changed)
+        _write(file, changed)
     return secret
 
 
 def remove_tokens(path: Path, names: Iterable[str]) -> None:
     """Take their lines out; the others stay as they are.  Raises as :func:`add_token`."""
-    text = _text(path)
-    known = {holder.name for holder in parse(path, text)}
-    wanted = set(names)
-    if missing := sorted(wanted - known):
-        raise ConfigError(f"{path} has no token {', '.join(missing)}; it has {', '.join(sorted(known)) or 'none'}")
-    gone = {number for number, words in _lines(text) if words[0] in wanted}
-    lines = text.splitlines(keepends=True)
-    _write(path, "".join(line for number, line in enumerate(lines, 1) if number not in gone))
+    with _changing(path) as file:
+        text = _text(file)
+        known = {holder.name for holder in parse(path, text)}
+        wanted = set(names)
+        if missing := sorted(wanted - known):
+            raise ConfigError(f"{path} has no token {', '.join(missing)}; it has {', '.join(sorted(known)) or 'none'}")
+        gone = {number for number, words in _lines(text) if words[0] in wanted}
+        lines = text.splitlines(keepends=True)
+        _write(file, "".join(line for number, line in enumerate(lines, 1) if number not in gone))
+
+
+@contextmanager
+def _changing(path: Path) -> Iterator[Path]:
+    """The file itself, behind links; another change waits until this one is over, as both read and then write."""
+    file = path.resolve()
+    try:
+        folder = os.open(file.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except OSError as exc:
+        raise EnvironmentError_(f"the folder of the tokens' file {path} cannot be opened: {_why(exc)}") from exc
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        yield file
+    finally:
+        os.close(folder)
+
+
+def _why(exc: OSError) -> str:
+    return (exc.strerror or str(exc)).lower()
 
 
 def _write(path: Path, text: str) -> None:
     try:
         write_whole({path: text.encode()}, None if path.exists() else 0o644)
     except OSError as exc:
-        why = (exc.strerror or str(exc)).lower()
-        raise EnvironmentError_(f"the tokens' file {path} cannot be written: {why}") from exc
+        raise EnvironmentError_(f"the tokens' file {path} cannot be written: {_why(exc)}") from exc
 
 
 class TokenFile:

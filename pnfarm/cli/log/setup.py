@@ -50,7 +50,8 @@ def configure(*, as_json: bool, level: str = "info") -> None:
         last = [structlog.processors.ExceptionRenderer(frames), structlog.processors.JSONRenderer(default=str)]
     else:
         plain = structlog.dev.plain_traceback
-        last = [structlog.dev.ConsoleRenderer(colors=error.isatty(), pad_event_to=30, exception_formatter=plain)]
+        console = structlog.dev.ConsoleRenderer(colors=error.isatty(), pad_event_to=30, exception_formatter=plain)
+        last = [_printable, console]
     structlog.configure(
         processors=[limit, *shared, *last],
         wrapper_class=structlog.make_filtering_bound_logger(number),
@@ -71,6 +72,14 @@ def configure(*, as_json: bool, level: str = "info") -> None:
     # libraries log at "info" what only concerns themselves
     root.setLevel(max(number, logging.WARNING) if number > logging.DEBUG else number)
     logging.captureWarnings(capture=True)
+
+
+def _printable(_logger: object, _method: str, line: structlog.typing.EventDict) -> structlog.typing.EventDict:
+    """What a client or a station named does not steer the operator's terminal."""
+    for key, value in line.items():
+        if isinstance(value, str) and not value.isprintable() and key not in {"exception", "stack"}:
+            line[key] = "".join(one if one.isprintable() else ascii(one)[1:-1] for one in value)
+    return line
 
 
 _clock = structlog.processors.TimeStamper(fmt="%H:%M:%S.%f", utc=False)
