@@ -49,7 +49,8 @@ class Drive(DriveReadings):
         passing = self._passing
         watch = Watch({self.name: bound}, {self.name: self._station}, passing.core.signal_owners)
         # before the clock is read, which may let time pass: what happens from this call on counts
-        unsubscribe = passing.log.subscribe(watch.note)
+        own = {self.name, self._station.station.configured_name}
+        unsubscribe = passing.log.subscribe(lambda entry: watch.note(self.name, entry) if entry.drive in own else None)
 
         def holds() -> bool:
             watch.look(passing.now())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.lateness import farm_lateness
+from pnfarm.farm.lateness import farm_budget_ns, farm_lateness
 from pnfarm.vocabulary.durations import format_duration
 
 if TYPE_CHECKING:
@@ -56,6 +56,11 @@ class FarmLateness:
     def _between(self, begin: int, now: int) -> tuple[Lateness, int]:
         found = farm_lateness(self._core, begin, now, budget=self._budget_ns)
         return found, now - int(self._core.columns.engine[0].now_ns)
+
+    @property
+    def budget_ns(self) -> int:
+        """How late it may be now."""
+        return farm_budget_ns(self._core) if self._budget_ns is None else self._budget_ns
 
     @property
     def told(self) -> str:

@@ -42,6 +42,10 @@ __all__ = ["LOOK_NS", "EachLook", "ScenarioRun", "Tell"]
 
 #: Time between two looks at signals whose changes are no events.
 LOOK_NS = 1_000_000
+#: Between two looks at something that must hold there is no longer time, or it is not known whether it did.
+UNSEEN_NS = 20_000_000
+#: The state of an axis that is in operation.
+OPERATION = 4
 #: Drives whose values the summary of a failure shows; the record has all.
 MOST_MEASURED = 3
 
@@ -78,8 +82,14 @@ class ScenarioRun(Flow):
         self._forced: dict[str, set[str]] = {}
         #: Drives that lost their connection by the farm's own lateness and are not back in operation -> when.
         self._own_losses: dict[str, int] = {}
+        #: When each drive lost one in this way last, whether it is back or not.
+        self._last_own_losses: dict[str, int] = {}
         self._states = SavedStates(core, core.states_folder, lambda: self._now)
         self._stations = {station.configured_name: station for station in core.axes}
+        #: A connection is of all axes of its station.
+        self._axes: dict[str, list[str]] = {}
+        for axis in core.axes:
+            self._axes.setdefault(axis.station.configured_name, []).append(axis.configured_name)
         # a state is checked once, however often it is restored
         restored: dict[str, Step] = {}
         for step in binding.scenario.every_step():
@@ -93,9 +103,10 @@ class ScenarioRun(Flow):
             self._check_state(step)
         self._moments = TraceExcerpts(core, named_stations(binding), named_signals(binding), now) if traced else None
         # what the farm lost before may not be back yet
-        for name in self._stations:
+        for name in {**self._axes, **self._stations}:
             for entry in core.log.entries(name):
                 self._note_own_loss(entry)
+        self._last_own_losses.clear()
         self._unsubscribe = core.log.subscribe(self._note)
 
     def _check_metric(self, step: Step, key: str, metric: MetricName, asked: str) -> None:
@@ -147,12 +158,19 @@ class ScenarioRun(Flow):
         self.record.note(entry)
         self._note_own_loss(entry)
         for watch in self._watches:
-            watch.note(entry)
+            for name in self._concerned(entry):
+                watch.note(name, entry)
+
+    def _concerned(self, entry: LogEntry) -> list[str]:
+        """The axis, those of the station, or the device to which this happened."""
+        return self._axes.get(entry.drive, [entry.drive])
 
     def _note_own_loss(self, entry: LogEntry) -> None:
         match entry.what:
             case ConnectionLost(lateness=Lateness(late=True)) | WatchdogExpired(lateness=Lateness(late=True)):
-                self._own_losses[entry.drive] = entry.now_ns
+                lost = dict.fromkeys(self._concerned(entry), entry.now_ns)
+                self._own_losses |= lost
+                self._last_own_losses |= lost
             case StateChanged(after=4):
                 self._own_losses.pop(entry.drive, None)
             # a device is back with its connection
@@ -233,7 +251,7 @@ class ScenarioRun(Flow):
 
     @property
     def _told_late(self) -> str:
-        return self._lateness.told if self._lateness is not None else ""
+        return (self._lateness.told if self._lateness is not None else "") or "late"
 
     def _clear(self, name: str) -> None:
         """End it, unless it has ended on its own or was cleared before."""
@@ -307,8 +325,10 @@ class ScenarioRun(Flow):
             while not watch.all_held and self._now < begin + within:
                 yield begin + within
                 watch.look(self._now)
-            if not watch.all_held:
-                missing = [name for name in watch.values() if name not in watch.held_ns]
+            # who looks late sees what came true too late
+            latest = begin + within + LOOK_NS
+            missing = [name for name in watch.values() if watch.held_ns.get(name, latest + 1) > latest]
+            if missing:
                 limit = f"within {format_duration(within)}" if within else "at once"
                 self._fail(step, begin, f"not true {limit} on {_few(missing)}", watch, missing)
                 return
@@ -318,6 +338,10 @@ class ScenarioRun(Flow):
                 after = _time(min(watch.broken_ns.values()) - begin)
                 broken = list(watch.broken_ns)
                 self._fail(step, begin, f"true, but no longer after {after} on {_few(broken)}", watch, broken)
+                return
+            if self._is_unseen(watch):
+                unseen = f"true, but the farm, being late, did not look for {_time(watch.unseen_ns)}"
+                self._case(step, Verdict.INCONCLUSIVE, begin, unseen, watch=watch)
                 return
             took = max(watch.held_ns.values()) - begin
             message = f"true after {_time(took)}" if took else "true at once"
@@ -329,6 +353,12 @@ class ScenarioRun(Flow):
             self._case(step, Verdict.PASSED, begin, message, watch=watch, measured=shown)
         finally:
             self._watches.remove(watch)
+
+    def _is_unseen(self, watch: Watch) -> bool:
+        """Whether something that must hold, and whose changes are no events, was not looked at for too long."""
+        if self._lateness is None or not watch.polled(virtual=False):
+            return False
+        return watch.unseen_ns > max(UNSEEN_NS, self._lateness.budget_ns)
 
     def _hold(self, watch: Watch, hold_ns: int) -> Life:
         end = self._now + hold_ns
@@ -346,30 +376,39 @@ class ScenarioRun(Flow):
         value = measured(asked, before, read_metric(self._collector, metric))
         bound = step.values[asked]
         holds = bound.holds(value)
-        verdict = Verdict.PASSED if holds else Verdict.INCONCLUSIVE if self._late(begin) else Verdict.FAILED
+        named = [metric.labels["drive"]] if "drive" in metric.labels else []
+        own = "" if holds else self._own_part(begin, named or list(self._stations))
+        verdict = Verdict.PASSED if holds else Verdict.INCONCLUSIVE if own else Verdict.FAILED
         shown, wanted = show_comparison(metric.name, value, bound)
-        message = f"{asked} {shown}, wanted {wanted}"
-        if verdict is Verdict.INCONCLUSIVE and self._lateness is not None:
-            message += f"; the farm was itself {self._lateness.told}"
-        drives = [metric.labels["drive"]] if verdict is not Verdict.PASSED and "drive" in metric.labels else []
+        message = f"{asked} {shown}, wanted {wanted}{own}"
+        drives = named if verdict is not Verdict.PASSED else []
         self._case(step, verdict, begin, message, value=value, measured=shown, drives=drives)
 
     # -- cases
 
-    def _late(self, begin: int) -> bool:
-        return self._lateness is not None and self._lateness.was_late(begin, self._now)
+    def _own_part(self, begin: int, names: Sequence[str]) -> str:
+        """Why the farm itself may be the reason for what became of these drives since ``begin``; else empty."""
+        if self._lateness is None:
+            return ""
+        if self._lateness.was_late(begin, self._now):
+            return f"; the farm was itself {self._lateness.told}"
+        lost = {name: self._own_losses[name] for name in names if name in self._own_losses and self._is_out(name)}
+        lost |= {name: when for name in names if (when := self._last_own_losses.get(name, -1)) >= begin}
+        if not lost:
+            return ""
+        ago = _time(self._now - min(lost.values()))
+        return f"; the farm itself, being late, lost the connection of {_few(list(lost))} {ago} before"
+
+    def _is_out(self, name: str) -> bool:
+        """Whether a drive is not in operation; one whose other connection was lost is."""
+        axis = self._stations.get(name)
+        return axis is None or not axis.device.connected or int(axis.handle.axis.drive.state) != OPERATION
 
     def _fail(self, step: Step, begin: int, message: str, watch: Watch, drives: list[str]) -> None:
         """A condition was not true on ``drives``: failed, unless the farm itself is the reason."""
-        verdict = Verdict.FAILED
-        if self._lateness is not None:
-            if self._late(begin):
-                verdict = Verdict.INCONCLUSIVE
-                message += f"; the farm was itself {self._lateness.told}"
-            elif own := [name for name in drives or watch.values() if name in self._own_losses]:
-                verdict = Verdict.INCONCLUSIVE
-                ago = _time(self._now - min(self._own_losses[name] for name in own))
-                message += f"; the farm itself, being late, lost the connection of {_few(own)} {ago} before"
+        own = self._own_part(begin, drives or list(watch.values()))
+        verdict = Verdict.INCONCLUSIVE if own else Verdict.FAILED
+        message += own
         shown = watch.shown()
         measured = "; ".join(f"{name}: {as_text(shown[name])}" for name in drives[:MOST_MEASURED] if name in shown)
         self._case(step, verdict, begin, message, watch=watch, measured=measured, drives=drives)

@@ -61,6 +61,9 @@ class Watch:
         self.held_ns: dict[str, int] = {}
         self.broken_ns: dict[str, int] = {}
         self.must_hold = False
+        #: The longest time between two looks while it must hold, ns, and the last look.
+        self.unseen_ns = 0
+        self._looked_ns: int | None = None
         #: Whether all held at the last look.
         self.all_now = False
         self._seen: dict[str, dict[str, Value]] = {}
@@ -80,25 +83,28 @@ class Watch:
 
     def look(self, now: int) -> None:
         """Read every drive."""
+        if self.must_hold:
+            self.unseen_ns = max(self.unseen_ns, now - (now if self._looked_ns is None else self._looked_ns))
+        self._looked_ns = now
         self._seen.clear()
         self.all_now = True
         for name in self._conditions:
             self._take(name, now, None)
 
-    def note(self, entry: LogEntry) -> None:
+    def note(self, drive: str, entry: LogEntry) -> None:
         """Something happened to a drive, perhaps one of these."""
-        if entry.drive not in self._conditions:
+        if drive not in self._conditions:
             return
         changed = signals_of_event(entry)
         lost = isinstance(entry.what, events.ConnectionLost | events.ConnectionReleased)
         if changed or lost:
             # what happened since the last look, in order: the table may show a later moment already
-            known = self._seen.setdefault(entry.drive, {})
+            known = self._seen.setdefault(drive, {})
             known.update(changed)
             if lost:
                 # whether another controller's connection is left is in the table
                 known.pop("connected", None)
-            self._take(entry.drive, entry.now_ns, known)
+            self._take(drive, entry.now_ns, known)
 
     def _take(self, name: str, now: int, known: Mapping[str, Value] | None) -> None:
         if self._conditions[name].holds(self._stations.get(name), self._devices, known):

@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from pnfarm.buses.registry import fault_kinds
 from pnfarm.cli.commands.run import bound
+from pnfarm.cli.farm_file import read
 from pnfarm.controller.line import VirtualLine
 from pnfarm.metrics import FarmCollector
+from pnfarm.scenario.definition.binding import bind_scenario
 from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.scenario.definition.schema import scenario_schema
 from pnfarm.scenario.definition.steps import STEPS
@@ -169,6 +172,94 @@ def test_an_axis_that_the_farm_lost_before_the_scenario_began_is_not_held_agains
     record = asyncio.run(main())
     assert record["verdict"] == verdict
     assert told in record["cases"][0]["message"]
+
+
+def late_run(steps: str, during, *, axis: str = "axis-01", file: Path | None = None) -> dict[str, Any]:
+    """The first case of a run in whose first step ``during`` happens while nobody looks; with the farm's lateness."""
+
+    async def main() -> dict[str, Any]:
+        scenario = parse_scenario(f"scenario: late\nfarm: {file or LINE}\nsteps:\n{steps}")
+        config = read(file or LINE)
+        line = await VirtualLine.create(config, epoch_ns=0)
+        collector = FarmCollector(line.farm)
+        core = line.farm
+        line.world.run(6.0)
+        assert core.axis(axis).handle.axis.drive.state == 4
+        kinds = {name: owner.kinds for name, owner in core.signal_owners.items()}
+        models = {one.configured_name: one.model for one in core.axes}
+        binding = bind_scenario(scenario, models, fault_kinds(), core.signals(), kinds)
+        lateness = FarmLateness(core, None, line.world.now)
+        own = ScenarioRun(binding, core, collector, line.world.now, lateness=lateness)
+        line.own = own
+        own.advance(line.world.now)
+        during(line)
+        while not own.finished:
+            line.world.run(0.001)
+            own.advance(line.world.now)
+        collector.close()
+        await line.close()
+        return own.record.as_dict()["cases"][0]
+
+    return asyncio.run(main())
+
+
+def stopped(line, seconds: float) -> None:
+    """The drive is switched off and on while nobody looks; what has no event is not noticed."""
+    line.own._unsubscribe()
+    line.farm.injections.inject({"kind": "power-cycle", "on": "axis-01"}, line.world.now)
+    line.world.run(seconds)
+
+
+def stopped_in_a_stall(line, seconds: float) -> None:
+    stopped(line, seconds)
+    line.farm.lateness.loop.note(line.world.now, round(seconds * 1e9))
+
+
+@pytest.mark.parametrize(("during", "verdict"), [(stopped, "failed"), (stopped_in_a_stall, "inconclusive")])
+def test_what_came_true_behind_its_time_is_not_passed_because_nobody_looked_in_time(during, verdict) -> None:
+    steps = "  - expect: {drive: axis-01, that: velocity < 1 rpm, within: 10ms}\n"
+    assert late_run(steps, lambda line: during(line, 2.0))["verdict"] == verdict
+
+
+def test_what_must_hold_and_was_not_looked_at_for_long_is_not_known_to_have_held() -> None:
+    def during(line):
+        stopped_in_a_stall(line, 9.0)
+        assert line.farm.axis("axis-01").handle.axis.motor.velocity > 0
+
+    case = late_run("  - expect: {drive: axis-01, that: velocity > 1 rpm, for: 9s}\n", during)
+    assert case["verdict"] == "inconclusive"
+    assert "did not look for 9" in case["message"]
+
+
+def test_a_loss_by_the_farm_is_that_of_each_axis_of_the_station(tmp_path) -> None:
+    def during(line):
+        late = Lateness(budget_ns=1_000_000, engine_ns=90_000_000)
+        line.farm.log.record(line.world.now, "system", ConnectionLost(lateness=late))
+
+    file = tmp_path / "system.pnfarm.yml"
+    system = REPOSITORY / "configs" / "drive-system.pnfarm.yml"
+    file.write_text(system.read_text().replace("state: ./state\n", ""))
+    steps = "  - expect: {drive: system.x, that: state == S1, within: 10ms}\n"
+    case = late_run(steps, during, axis="system.x", file=file)
+    assert case["verdict"] == "inconclusive"
+    assert "lost the connection of system.x" in case["message"]
+
+
+def test_a_loss_that_did_not_take_the_drive_out_of_operation_excuses_nothing_later() -> None:
+    def during(line):
+        line.farm.log.record(line.world.now, "axis-01", ConnectionLost(lateness=Lateness(0, engine_ns=1)))
+
+    steps = "  - wait: 1s\n  - expect: {drive: axis-01, that: state == S1}\n"
+    assert late_run(steps, during)["verdict"] == "failed"
+
+
+def test_a_metric_that_a_loss_by_the_farm_changed_is_not_held_against_the_plc() -> None:
+    def during(line):
+        late = Lateness(budget_ns=1_000_000, engine_ns=90_000_000)
+        line.farm.log.record(line.world.now, "axis-01", ConnectionLost(lateness=late))
+
+    steps = "  - expect: {metric: 'pnfarm_axis_faults_total', increases: '> 0', for: 10ms}\n"
+    assert late_run(steps, during)["verdict"] == "inconclusive"
 
 
 def test_the_documents_name_every_key_of_the_record() -> None:

@@ -213,5 +213,5 @@ def _shown(request: Request) -> Iterator[str]:
     if scheme.lower() == "bearer" and (secret := shown.strip()):
         yield secret
     # other programs of this host have cookies, too, and not each as it should be
-    if secret := cookie_parser(request.headers.get("cookie", "")).get(COOKIE):
-        yield secret
+    if cookie := cookie_parser(request.headers.get("cookie", "")).get(COOKIE):
+        yield cookie
