@@ -61,6 +61,8 @@ class HubOverview:
         self._names: dict[Shard, tuple[str, ...]] = {}
         self._asked: dict[Shard, bool] = {}
         self._texts: dict[int, bytes] = {}
+        # of shards that were forgotten while nobody looked
+        self._engines = {shard: engine for shard, engine in self._engines.items() if shard in set(self._shards)}
 
     def _lose(self, shard: Shard) -> None:
         self.version += 1

@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from pnfarm.buses.registry import fault_kinds
 from pnfarm.cli.commands.run import bound
-from pnfarm.cli.farm_file import read
 from pnfarm.controller.line import VirtualLine
 from pnfarm.metrics import FarmCollector
-from pnfarm.scenario.definition.binding import bind_scenario
 from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.scenario.definition.schema import scenario_schema
 from pnfarm.scenario.definition.steps import STEPS
@@ -179,15 +176,12 @@ def late_run(steps: str, during, *, axis: str = "axis-01", file: Path | None = N
 
     async def main() -> dict[str, Any]:
         scenario = parse_scenario(f"scenario: late\nfarm: {file or LINE}\nsteps:\n{steps}")
-        config = read(file or LINE)
+        binding, config = bound(scenario)
         line = await VirtualLine.create(config, epoch_ns=0)
         collector = FarmCollector(line.farm)
         core = line.farm
         line.world.run(6.0)
         assert core.axis(axis).handle.axis.drive.state == 4
-        kinds = {name: owner.kinds for name, owner in core.signal_owners.items()}
-        models = {one.configured_name: one.model for one in core.axes}
-        binding = bind_scenario(scenario, models, fault_kinds(), core.signals(), kinds)
         lateness = FarmLateness(core, None, line.world.now)
         own = ScenarioRun(binding, core, collector, line.world.now, lateness=lateness)
         line.own = own

@@ -52,7 +52,7 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     config = read(path).with_overrides(scenario.overrides, origin=f"{scenario.path}: with")
     check_impairments(config)
     check_program(config)
-    drives = {drive.name: model_of(drive) for drive in expand(config)}
+    drives = {axis.name: model_of(drive) for drive in expand(config) for axis in drive.axes}
     signals, kinds = known_signals(config, model_of)
     folder = states_folder(config.state_directory, None)
     states = [] if folder is None else [kept.name for kept in StateFiles(folder).kept()]
