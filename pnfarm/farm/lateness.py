@@ -54,12 +54,15 @@ class StolenTime:
         self._schedule = Path(f"/proc/self/task/{thread}/schedstat")
         self._stat = Path("/proc/stat")
         self._tick_ns = 1_000_000_000 // os.sysconf("SC_CLK_TCK")
+        self._waited = self._taken = 0
 
     def total_ns(self) -> int:
-        """Both together so far; 0 where the kernel has neither (they are compile-time options)."""
-        waited = stolen = 0
+        """Both together so far; 0 where the kernel has neither (they are compile-time options).
+
+        What cannot be read now, as without a free file descriptor, is as it was.
+        """
         with contextlib.suppress(OSError, IndexError, ValueError):
-            waited = int(self._schedule.read_text(encoding="ascii").split()[1])
+            self._waited = int(self._schedule.read_text(encoding="ascii").split()[1])
         with contextlib.suppress(OSError, IndexError, ValueError), self._stat.open(encoding="ascii") as lines:
-            stolen = int(lines.readline().split()[STEAL]) * self._tick_ns
-        return waited + stolen
+            self._taken = int(lines.readline().split()[STEAL]) * self._tick_ns
+        return self._waited + self._taken

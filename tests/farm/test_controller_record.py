@@ -295,3 +295,27 @@ def test_drive_with_another_name_keeps_its_record():
     line.run(0.2)
     assert view(line)["start_ups"][0]["complete"]
     assert view(line)["drive"] == "axis-01"
+
+
+def test_a_master_that_is_refused_again_and_again_has_one_start_up_with_its_attempts():
+    """On PROFIBUS each attempt begins with parameters that are taken; what refuses it is the configuration."""
+    line = VirtualLine(1, model="moog-msd-dp")
+    line.connect()
+    line.run(0.5)
+    (axis,) = line.farm.axes
+    record = line.farm.controllers.of("axis-01")
+    axis.device.slave.refuse_configuration = True
+    axis.device.slave.leave(line.world.now)
+    line.run(30.0)
+    assert record.start_ups[-1].attempts > 50
+    assert len(record.start_ups) == 2
+    (visit,) = axis.station.visits
+    assert len(visit.connections) <= 1
+    axis.device.slave.refuse_configuration = False
+    line.run(3.0)
+    assert record.start_ups[-1].complete
+    assert len(record.start_ups) == 2
+    # another loss begins another one
+    axis.device.slave.leave(line.world.now)
+    line.run(3.0)
+    assert [start.complete for start in record.start_ups] == [True] * 3
