@@ -9,17 +9,24 @@ from __future__ import annotations
 import asyncio
 import os
 import tty
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from pnfarm.engine.lateness import Delays
 
 __all__ = ["BY_TTY", "CarriedOctets"]
 
 #: Kinds of lines whose octets go this way; those of a socket do not.
 BY_TTY = frozenset({"pty", "port"})
+
+
+class Delays(Protocol):
+    """Where delays are noted: ``due_ns`` is when the octet under way was sent, 0 without one."""
+
+    due_ns: int
+
+    def note(self, now: int, late_ns: int) -> None:
+        """An octet came at ``now``, or has not come yet, which was carried for ``late_ns``."""
 
 
 class CarriedOctets:
