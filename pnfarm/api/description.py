@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
     from starlette.requests import Request
 
-__all__ = ["DESCRIPTION", "add_description"]
-
-DESCRIPTION = "/openapi.json"
+__all__ = ["add_description"]
 
 
 def add_description(app: FastAPI) -> None:
@@ -57,4 +55,4 @@ def add_description(app: FastAPI) -> None:
                 octets = await anyio.to_thread.run_sync(lambda: json.dumps(openapi()).encode())
         return Response(octets, media_type="application/json")
 
-    app.add_route(DESCRIPTION, describe, include_in_schema=False)
+    app.add_route("/openapi.json", describe, include_in_schema=False)

@@ -319,8 +319,6 @@ class Hub(Context):
         try:
             number = int(entry["sequence"])
             moved = self.entry(shard, entry)
-            # a shard of an older version has its token here
-            moved.pop("token", None)
             str(entry["drive"] + entry["event"])
         except (KeyError, TypeError, ValueError, OverflowError) as exc:
             raise AwayError(f"{shard.label} sends entries that no farm has", slug="garbage") from exc

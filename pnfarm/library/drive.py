@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pnfarm.library.fault import FaultHandle
     from pnfarm.library.runner import FarmRunner
     from pnfarm.station.axis import Axis
+    from pnfarm.station.event_log import LogEntry
 
 __all__ = ["Drive"]
 
@@ -49,8 +50,14 @@ class Drive(DriveReadings):
         passing = self._passing
         watch = Watch({self.name: bound}, {self.name: self._station}, passing.core.signal_owners)
         # before the clock is read, which may let time pass: what happens from this call on counts
+        # a connection is of all axes of its station
         own = {self.name, self._station.station.configured_name}
-        unsubscribe = passing.log.subscribe(lambda entry: watch.note(self.name, entry) if entry.drive in own else None)
+
+        def note(entry: LogEntry) -> None:
+            if entry.drive in own:
+                watch.note(self.name, entry)
+
+        unsubscribe = passing.log.subscribe(note)
 
         def holds() -> bool:
             watch.look(passing.now())

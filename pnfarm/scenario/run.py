@@ -106,7 +106,6 @@ class ScenarioRun(Flow):
         for name in {**self._axes, **self._stations}:
             for entry in core.log.entries(name):
                 self._note_own_loss(entry)
-        self._last_own_losses.clear()
         self._unsubscribe = core.log.subscribe(self._note)
 
     def _check_metric(self, step: Step, key: str, metric: MetricName, asked: str) -> None:

@@ -62,8 +62,7 @@ class Watch:
         self.broken_ns: dict[str, int] = {}
         self.must_hold = False
         #: The longest time between two looks while it must hold, ns, and the last look.
-        self.unseen_ns = 0
-        self._looked_ns: int | None = None
+        self.unseen_ns = self._looked_ns = 0
         #: Whether all held at the last look.
         self.all_now = False
         self._seen: dict[str, dict[str, Value]] = {}
@@ -84,7 +83,7 @@ class Watch:
     def look(self, now: int) -> None:
         """Read every drive."""
         if self.must_hold:
-            self.unseen_ns = max(self.unseen_ns, now - (now if self._looked_ns is None else self._looked_ns))
+            self.unseen_ns = max(self.unseen_ns, now - self._looked_ns)
         self._looked_ns = now
         self._seen.clear()
         self.all_now = True

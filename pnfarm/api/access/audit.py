@@ -144,8 +144,8 @@ class AuditLog:
 
     def release(self) -> None:
         """Close the files without a record; a log that was made now and has none is gone again."""
-        if self._made and self._file >= 0 and os.fstat(self._file).st_size == 0:
-            self.path.unlink(missing_ok=True)
+        if self._made and self._file >= 0 and os.fstat(self._file).st_size == 0 and self._is_in_place():
+            self.path.unlink()
         for one in (self._file, self._note):
             if one is not None and one >= 0:
                 os.close(one)
@@ -194,10 +194,9 @@ class AuditLog:
         line = json.dumps(whole, separators=(",", ":")).encode("ascii")
         if len(line) > MOST_LINE:
             raise OSError(errno.EMSGSIZE, os.strerror(errno.EMSGSIZE))
-        # a record in a file that nobody finds is none
-        there, own = self.path.stat(), os.fstat(self._file)
-        if (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
-            raise OSError(errno.ESTALE, "another file is in its place")
+        if not self._is_in_place():
+            # a record in a file that nobody finds is none
+            raise OSError(errno.ESTALE, "the file is not in its place")
         octets = (b"\n" if self._torn else b"") + line + b"\n"
         try:
             if os.write(self._file, octets) != len(octets):
@@ -217,6 +216,9 @@ class AuditLog:
         return self._sequence
 
     # -- the file as it is found
+
+    def _is_in_place(self) -> bool:
+        return self.path.exists() and os.path.samestat(self.path.stat(), os.fstat(self._file))
 
     @staticmethod
     def _open(path: Path) -> int:

@@ -42,9 +42,9 @@ WHO = "pnfarm.who"
 ROLE = "pnfarm.role"
 #: Open without a token: for orchestrators, or without confidential content.
 OPEN_PATHS = frozenset({"/api/v1/healthz", "/api/v1/readyz", "/openapi.json"})
-#: Those of them that are answered in a few octets: no client can keep such an answer waiting.
-_PROBES = OPEN_PATHS - {"/openapi.json"}
-#: Other requests without a good token at once: each may wait for its client, in one of the places that all share.
+#: Where a request without a good token may wait for its client, for the form or behind a long answer; and how many of
+#: them there are at once, as each has one of the places that all share.
+_WAITING_PATHS = frozenset({"/", "/openapi.json"})
 MOST_STRANGERS = 4
 #: Host and port as RFC 9110 writes them, an IPv6 address in brackets.
 _HOST = re.compile(r"(?:\[([0-9A-Fa-f:.]+)\]|([A-Za-z0-9.-]+))(?::[0-9]{1,5})?")
@@ -113,11 +113,8 @@ class Guard:
                 self._strangers -= 1
 
     def _may_wait(self, request: Request, holder: Holder | None) -> bool:
-        """Whether somebody without a good token may have the farm wait: for the form, or behind a long answer."""
-        if not self._keys.needed or (holder is not None and self._keys.is_good(holder)):
-            return False
-        path = request.scope["path"]
-        return path == "/" or path in OPEN_PATHS - _PROBES
+        is_stranger = self._keys.needed and not (holder is not None and self._keys.is_good(holder))
+        return is_stranger and request.scope["path"] in _WAITING_PATHS
 
     async def _answer(self, request: Request, holder: Holder | None, send: Send) -> None:
         scope, receive = request.scope, request.receive
