@@ -199,8 +199,6 @@ def test_events_are_iterated_and_go_on_while_they_are_awaited(running):
 def test_a_trace_is_complete_in_virtual_time(running):
     async def work(farm):
         axis = farm.drive("axis-01")
-        # whichever test was before
-        await axis.wait_for("state == S4 and fault == 0", within=20)
         async with farm.trace("axis-01", ["velocity"], trigger="fault 702", pre="20ms", length="100ms") as trace:
             with pytest.raises(pnfarm.NotInTime, match=r"is waiting after 0\.1 s"):
                 await trace.complete(within=0.1)
