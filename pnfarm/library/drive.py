@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Drive"]
 
+#: So long a change of the supply waits for a firmware that makes no step.
+STEPPED_NS = 1_000_000_000
+
 
 class Drive(DriveReadings):
     """A drive: every reading is the present one.  ``inject`` is :meth:`pnfarm.Farm.fault`."""
@@ -92,19 +95,27 @@ class Drive(DriveReadings):
 
     async def power_off(self) -> None:
         """Switch its supply off: it leaves the network at once."""
-        self._power(self._station.station.power_off)
+        await self._power(self._station.station.power_off)
 
     async def power_on(self) -> None:
         """Switch its supply on: it boots."""
-        self._power(self._station.station.power_on)
+        await self._power(self._station.station.power_on)
 
     async def power_cycle(self) -> None:
         """Off and on."""
-        self._power(self._station.station.power_cycle)
+        await self._power(self._station.station.power_cycle)
 
-    def _power(self, action: Callable[[int], None]) -> None:
+    async def _power(self, action: Callable[[int], None]) -> None:
         action(self._passing.now())
         self._changed()
+        # the readings are of before until the firmware has made a step: one may have begun, the next one sees the supply
+        for _ in range(2):
+            await self._stepped()
+
+    async def _stepped(self) -> None:
+        axis = self._station.handle.axis
+        before_ns = int(axis.last_ns)
+        await self._passing.wait(lambda: int(axis.last_ns) != before_ns, STEPPED_NS)
 
     def _changed(self) -> None:
         core, now = self._passing.core, self._passing.now()
