@@ -100,39 +100,71 @@ class LatenessRecord:
         self._stolen.append((now, total_ns))
 
     def between(
-        self, begin: int, end: int, budget_ns: int, *, by_loop: bool = False, by_lines: bool = False, loop_ns: int = 0
+        self,
+        begin: int,
+        end: int,
+        budget_ns: int,
+        *,
+        by_loop: bool = False,
+        by_lines: bool = False,
+        loop_ns: int = 0,
+        together_ns: int = 0,
     ) -> Lateness:
         """How late the farm was from ``begin`` to ``end``; ``loop_ns`` is a delay of the event loop known besides.
 
         ``by_loop``: the event loop's delay counts; ``by_lines``: that of serial lines in the kernel does.
+        ``together_ns``: late ticks within so long count together, as they do in the silence of one connection; 0: all.
         """
         if self.sample is not None:
             self.sample()
-        engine_ns, receive_ns = self._engine(begin, end)
+        engine_ns, receive_ns = self._engine(begin, end, together_ns)
         loop = self.loop.longest(begin, end)
         stolen = self._stolen_between(begin, end)
         lines = self.lines.longest(begin, end) if by_lines else 0
-        return Lateness(budget_ns, engine_ns, receive_ns, max(loop, loop_ns, 0), stolen, lines, by_loop)
+        return Lateness(
+            budget_ns, engine_ns, receive_ns, max(loop, loop_ns, 0), stolen, lines_ns=lines, by_loop=by_loop
+        )
 
-    def _engine(self, begin: int, end: int) -> tuple[int, int]:
+    def of_silence(self, begin: int, end: int, budget_ns: int, hold_ns: int, *, loop_ns: int) -> Lateness:
+        """How late the farm was in a silence of its controller, or before it.
+
+        A farm that was itself silent for the controller's data hold time, ``hold_ns`` (0: none), has lost the
+        connection before the controller was silent.
+        """
+        own = self.between(begin, end, budget_ns, loop_ns=loop_ns)
+        if own.late or not hold_ns:
+            return own
+        before = self.between(begin - hold_ns, end, hold_ns, loop_ns=loop_ns)
+        return before if before.late else own
+
+    def _engine(self, begin: int, end: int, together_ns: int) -> tuple[int, int]:
         """Lateness of ticks, and the longest wait of a frame beyond a tick."""
         engine = self._columns.engine[0]
-        total = waited = 0
+        worst = total = waited = 0
         due, head = int(engine.due_ns), int(engine.late_head)
-        counted = 0
+        #: End and lateness of those that count together with the present one, newest first.
+        counted: deque[tuple[int, int]] = deque()
+        rows = []
         for place in range(head - 1, max(-1, head - 1 - LATE_ROWS), -1):
             row = self._columns.late[place % LATE_ROWS]
             first, last = int(row.begin_ns), int(row.end_ns)
             if last < begin:
                 break
-            counted = max(counted, last)
             if first < end:
-                total += min(int(row.late_ns), min(last, end) - max(first, begin))
+                late = min(int(row.late_ns), min(last, end) - max(first, begin))
+                rows.append((first, last, late))
                 waited = max(waited, int(row.waited_ns) - int(engine.tick_ns))
         # a tick that is overdue, or that began and has not ended, stands in no row yet
-        if due and end - max(due, begin, counted) > LATE_NS:
-            total += end - max(due, begin, counted)
-        return total, max(0, waited)
+        seen = max(due, begin, rows[0][1] if rows else 0)
+        if due and end - seen > LATE_NS:
+            rows.insert(0, (seen, end, end - seen))
+        for first, last, late in rows:
+            counted.append((last, late))
+            total += late
+            while together_ns and counted[0][0] - first > together_ns and len(counted) > 1:
+                total -= counted.popleft()[1]
+            worst = max(worst, total)
+        return worst, max(0, waited)
 
     def _stolen_between(self, begin: int, end: int) -> int:
         """From the last sample before ``begin`` to the first one after ``end``: at least what was stolen."""

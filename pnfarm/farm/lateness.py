@@ -20,6 +20,8 @@ __all__ = ["StolenTime", "farm_budget_ns", "farm_lateness"]
 
 #: Budget of a farm without a connection: its drives are stepped at least this often.
 IDLE_BUDGET_NS = 4_000_000
+#: Late ticks count together within so many budgets: a budget is about half a data hold time.
+TOGETHER = 4
 #: Field of the line ``cpu`` in /proc/stat that counts stolen time (proc(5)).
 STEAL = 8
 
@@ -41,10 +43,12 @@ def farm_lateness(
     """How late the farm was between two times of its clock; ``late`` says whether that is more than its budget.
 
     ``budget`` in ns replaces :func:`farm_budget_ns`.  The event loop's delay counts, because it delays acyclic frames,
-    faults and readings, and so does that of serial lines in the kernel.  In virtual time the farm is never late.
+    faults and readings, and so does that of serial lines in the kernel; late ticks count together within
+    :data:`TOGETHER` budgets, about a silence that expires a connection.  In virtual time the farm is never late.
     """
     allowed = farm_budget_ns(core, drive) if budget is None else budget
-    return core.lateness.between(begin_ns, end_ns, allowed, by_loop=True, by_lines=True)
+    together = max(1, TOGETHER * allowed)
+    return core.lateness.between(begin_ns, end_ns, allowed, by_loop=True, by_lines=True, together_ns=together)
 
 
 class StolenTime:

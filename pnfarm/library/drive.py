@@ -108,7 +108,7 @@ class Drive(DriveReadings):
     async def _power(self, action: Callable[[int], None]) -> None:
         action(self._passing.now())
         self._changed()
-        # the readings are of before until the firmware has made a step: one may have begun, the next one sees the supply
+        # readings are of before until the firmware has made a step: one may have begun, the next one sees the supply
         for _ in range(2):
             await self._stepped()
 

@@ -1,66 +1,130 @@
 """How late the farm itself was: what makes a failed expectation inconclusive.
 
 A failure is inconclusive if the farm was later than its budget at some time from the beginning of the step to its end:
-that of the scenario, else that of the farm's connections (:func:`pnfarm.farm.lateness.farm_budget_ns`).
+that of the scenario, else that of the farm's connections (:func:`pnfarm.farm.lateness.farm_budget_ns`).  The record of
+delays keeps the newest ones only, so a run looks at it all the time, and keeps the largest.
 """
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.lateness import farm_budget_ns, farm_lateness
+from pnfarm.farm.lateness import TOGETHER, farm_budget_ns, farm_lateness
 from pnfarm.vocabulary.durations import format_duration
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.station.lateness import Lateness
 
 __all__ = ["FarmLateness"]
 
+#: Between two looks at the record, which keeps some seconds of a machine that is late all the time.
+LOOK_NS = 100_000_000
+#: Kept largest ones of each kind.
+KEPT = 256
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """What a look found: nothing of it is before ``begin``, ns."""
+
+    begin: int
+    own: Lateness
+
+    @property
+    def ratio(self) -> float:
+        """To its budget."""
+        return self.own.worst_ns / max(1, self.own.budget_ns)
+
+    @property
+    def worst_ns(self) -> int:
+        return self.own.worst_ns
+
+
+class _Largest:
+    """The largest one since any time: each that is kept is larger than all behind it."""
+
+    def __init__(self, size: Callable[[_Kept], float]) -> None:
+        self._size = size
+        self._kept: deque[_Kept] = deque()
+
+    def note(self, found: _Kept) -> None:
+        while self._kept and self._size(self._kept[-1]) <= self._size(found):
+            self._kept.pop()
+        self._kept.append(found)
+        if len(self._kept) > KEPT:
+            first, second = self._kept.popleft(), self._kept.popleft()
+            # the larger one for both: a farm that was late is not to be blamed for less
+            self._kept.appendleft(replace(first, begin=second.begin))
+
+    def since(self, begin: int, last: _Kept) -> Lateness:
+        """The largest one that lies behind ``begin``, ``last`` included."""
+        found = next((kept for kept in self._kept if kept.begin >= begin), last)
+        return max(found, last, key=self._size).own
+
 
 class FarmLateness:
-    """Of one farm in real time, from ``now`` on."""
+    """Of one farm in real time, from ``now`` on; :meth:`look` is to be called at least each second."""
 
     def __init__(self, core: FarmCore, budget_ns: int | None, now: int) -> None:
         self._core = core
-        self._budget_ns = budget_ns
-        self._began_ns = now
+        self._given_ns = budget_ns
+        self._began_ns = self._looked_ns = now
+        self._last_budget_ns = self.budget_ns
+        self._by_ratio = _Largest(lambda kept: kept.ratio)
+        self._by_size = _Largest(lambda kept: kept.worst_ns)
         self._told = ""
+
+    def look(self, now: int) -> None:
+        """Keep how late it was since the last look, before the record forgets it."""
+        if now - self._looked_ns < LOOK_NS:
+            return
+        budget = self.budget_ns
+        # a tick may be late together with some before; a connection that is over had its budget up to then
+        before = TOGETHER * budget
+        begin = max(self._began_ns, self._looked_ns - before)
+        kept = self._found(begin, now)
+        self._by_ratio.note(kept)
+        self._by_size.note(kept)
+        self._looked_ns, self._last_budget_ns = now, budget
 
     def was_late(self, begin: int, now: int) -> bool:
         """Whether it was later than its budget in that time, or its engine still stands."""
-        found, stands = self._between(begin, now)
-        plant = self._core.lateness.plant.longest(begin, now)
-        worst = max(found.worst_ns, stands, plant)
-        if worst <= found.budget_ns:
+        found = self._by_ratio.since(begin, self._found(begin, now))
+        if not found.late:
             return False
         parts = {
-            "engine": max(found.engine_ns, stands),
+            "engine": found.engine_ns,
             "frames waited": found.receive_ns,
             "event loop": found.loop_ns,
             "serial lines in the kernel": found.lines_ns,
-            "plant": plant,
+            "plant": found.plant_ns,
             "time stolen by other programs or the host": found.stolen_ns,
         }
         said = ", ".join(f"{name} {_rounded(ns)}" for name, ns in parts.items() if ns > 0)
-        self._told = f"{_rounded(worst)} late, and may be {_rounded(found.budget_ns)} ({said})"
+        self._told = f"{_rounded(found.worst_ns)} late, and may be {_rounded(found.budget_ns)} ({said})"
         return True
 
     def worst_ns(self, begin: int, now: int) -> int:
         """The largest lateness in that time."""
-        found, stands = self._between(begin, now)
-        return max(found.worst_ns, stands, self._core.lateness.plant.longest(begin, now))
+        return self._by_size.since(begin, self._found(begin, now)).worst_ns
 
-    def _between(self, begin: int, now: int) -> tuple[Lateness, int]:
-        found = farm_lateness(self._core, begin, now, budget=self._budget_ns)
-        return found, now - int(self._core.columns.engine[0].now_ns)
+    def _found(self, begin: int, now: int) -> _Kept:
+        """By the record, which may not reach back to ``begin``."""
+        engine = self._core.columns.engine[0]
+        own = farm_lateness(self._core, begin, now, budget=min(self.budget_ns, self._last_budget_ns))
+        stands = now - int(engine.now_ns) - int(engine.tick_ns)
+        plant = self._core.lateness.plant.longest(begin, now)
+        return _Kept(begin, replace(own, engine_ns=max(own.engine_ns, stands), plant_ns=plant))
 
     @property
     def budget_ns(self) -> int:
         """How late it may be now."""
-        return farm_budget_ns(self._core) if self._budget_ns is None else self._budget_ns
+        return farm_budget_ns(self._core) if self._given_ns is None else self._given_ns
 
     @property
     def told(self) -> str:
@@ -68,9 +132,9 @@ class FarmLateness:
         return self._told
 
     def report(self, now: int) -> Mapping[str, Any]:
-        """The farm's health over the run."""
+        """The farm's health over the run: where it was latest by its budget."""
         engine = self._core.columns.engine[0]
-        found = farm_lateness(self._core, self._began_ns, now, budget=self._budget_ns)
+        found = self._by_ratio.since(self._began_ns, self._found(self._began_ns, now))
         return {**found.as_dict(), "overruns": int(engine.overruns), "cycles": int(engine.cycles)}
 
 

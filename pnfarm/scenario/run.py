@@ -127,6 +127,8 @@ class ScenarioRun(Flow):
     def advance(self, now: int) -> int:
         if self._moments is not None and not self.finished:
             self._moments.look(now)
+        if self._lateness is not None and not self.finished:
+            self._lateness.look(now)
         return super().advance(now)
 
     def _finish(self, why: str, *, broken: bool = False) -> None:

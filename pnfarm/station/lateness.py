@@ -34,7 +34,8 @@ class Lateness:
     a tick; ``loop_ns``: the longest delay of the event loop; ``stolen_ns``: the engine's thread was ready to run and
     got no CPU, or the host gave the machine none, where the kernel reports it. Stolen time is the reason for the others
     and is not judged by itself.  ``lines_ns``: the longest time for which the kernel kept an octet of a serial line, if
-    that counts.  ``by_loop``: the event loop's delay counts too, because acyclic frames decide.
+    that counts; ``plant_ns``: the longest time by which a model of the plant was ready late, if that counts.
+    ``by_loop``: the event loop's delay counts too, because acyclic frames decide.
     """
 
     budget_ns: int
@@ -43,12 +44,14 @@ class Lateness:
     loop_ns: int = 0
     stolen_ns: int = 0
     lines_ns: int = 0
+    plant_ns: int = 0
     by_loop: bool = False
 
     @property
     def worst_ns(self) -> int:
         """What is compared with the budget."""
-        return max(self.engine_ns, self.receive_ns, self.lines_ns, self.loop_ns if self.by_loop else 0)
+        loop_ns = self.loop_ns if self.by_loop else 0
+        return max(self.engine_ns, self.receive_ns, self.lines_ns, self.plant_ns, loop_ns)
 
     @property
     def late(self) -> bool:
@@ -70,5 +73,6 @@ class Lateness:
             "receive_late_seconds": self.receive_ns / 1e9,
             "loop_late_seconds": self.loop_ns / 1e9,
             "lines_late_seconds": self.lines_ns / 1e9,
+            "plant_late_seconds": self.plant_ns / 1e9,
             "stolen_seconds": self.stolen_ns / 1e9,
         }

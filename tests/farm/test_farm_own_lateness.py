@@ -98,6 +98,18 @@ def test_short_lateness_does_not_excuse_a_silent_controller():
     assert expired.lateness.engine_ns == 5 * MS
 
 
+@pytest.mark.parametrize(("stood", "cause"), [(30, "controller"), (60, "farm")])
+def test_farm_that_stood_longer_than_the_controllers_watchdog_is_the_cause_of_the_silence_behind(stood, cause):
+    """The controller has given up while the farm stood, and sends nothing any more when it goes on."""
+    line = connected()
+    columns = line.farm.columns
+    note_late(columns.engine[0], columns.late, line.world.now - stood * MS, line.world.now, 0)
+    silence(line)
+    line.run(0.2)
+    (expired,) = happened(line, WatchdogExpired)
+    assert expired.details()["cause"] == cause
+
+
 def test_lateness_long_before_the_silence_does_not_excuse_a_controller():
     line = connected()
     columns = line.farm.columns
@@ -195,7 +207,7 @@ def test_ticks_late_one_after_the_other_share_rows_and_keep_their_sum():
     for step in range(LATE_ROWS * 2):
         note_late(columns.engine[0], columns.late, now + step * MS, now + step * MS + MS // 2, 0)
     assert 0 < columns.engine[0].late_head <= LATE_ROWS
-    assert farm_lateness(line.farm, now, now + LATE_ROWS * 2 * MS).engine_ns == LATE_ROWS * MS
+    assert line.farm.lateness.between(now, now + LATE_ROWS * 2 * MS, 16 * MS).engine_ns == LATE_ROWS * MS
 
 
 def test_frame_that_waited_longer_than_a_tick_is_the_farm_s_lateness():

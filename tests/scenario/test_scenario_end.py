@@ -12,6 +12,7 @@ import pytest
 
 from pnfarm.cli.commands.run import bound
 from pnfarm.controller.line import VirtualLine
+from pnfarm.engine.lateness import note_late
 from pnfarm.metrics import FarmCollector
 from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.scenario.definition.schema import scenario_schema
@@ -21,6 +22,7 @@ from pnfarm.scenario.run import ScenarioRun
 from pnfarm.scenario.virtual import run_virtual
 from pnfarm.station.events import ConnectionLost
 from pnfarm.station.lateness import Lateness
+from pnfarm.table.late import LATE_ROWS
 from pnfarm.vocabulary.yaml_lines import parse_yaml
 
 if TYPE_CHECKING:
@@ -338,3 +340,43 @@ def fits(schema: dict[str, Any], value: object, root: dict[str, Any]) -> bool:
         if not ok:
             return False
     return True
+
+
+def late_for(line, late_ms: float, every_ms: float, seconds: float) -> None:
+    """Ticks are late by so much, again and again, and the run looks as often as one in real time does."""
+    columns, world = line.farm.columns, line.world
+    for number in range(round(seconds * 1e3 / every_ms)):
+        world.run(every_ms / 1e3)
+        note_late(columns.engine[0], columns.late, world.now - round(late_ms * 1e6), world.now, 0)
+        if number % round(200 / every_ms) == 0:
+            line.own.advance(world.now)
+
+
+NEVER = "  - expect: {drive: axis-01, that: velocity > 5000 rpm, within: 20s}\n"
+
+
+def test_small_delays_over_a_long_step_do_not_add_up_to_a_late_farm() -> None:
+    """Together they are 100 ms late, and the budget is 16 ms."""
+    case = late_run(NEVER, lambda line: late_for(line, 0.5, 100, 20))
+    assert case["verdict"] == "failed"
+    assert case["farm_late_seconds"] == pytest.approx(0.0005)
+
+
+def test_delays_that_follow_each_other_add_up() -> None:
+    case = late_run(NEVER, lambda line: late_for(line, 3, 6, 20))
+    assert case["verdict"] == "inconclusive"
+
+
+def test_a_stall_early_in_a_long_step_is_remembered_on_a_machine_that_is_late_all_the_time() -> None:
+    """The record of delays is full with newer ones when the step fails."""
+
+    def during(line) -> None:
+        columns, world = line.farm.columns, line.world
+        world.run(0.1)
+        note_late(columns.engine[0], columns.late, world.now - 100_000_000, world.now, 0)
+        line.own.advance(world.now)
+        late_for(line, 0.3, 4, 19)
+        assert int(columns.engine[0].late_head) > LATE_ROWS
+
+    case = late_run(NEVER, during)
+    assert (case["verdict"], case["farm_late_seconds"]) == ("inconclusive", 0.1)

@@ -188,6 +188,11 @@ class Connection:
         return (self.o_to_t_api_us * 1000) << (2 + self.timeout_multiplier)
 
     @property
+    def originator_timeout_ns(self) -> int:
+        """After this time without the target's data the originator gives up, ns; 0: it gets none."""
+        return (self.t_to_o_api_us * 1000) << (2 + self.timeout_multiplier)
+
+    @property
     def consumed_octets(self) -> int:
         """Data that it consumes, of a cyclic connection."""
         return 0 if self.offer is None else self.offer.consumed_octets + self.o_to_t_size - self.offer.consumed_size

@@ -238,9 +238,8 @@ class StationConnections:
         if channels is None:
             return
         at = now if when is None else when
-        budget = _budget(channels)
-        own = self._lateness.between(at - silent_ns, at, budget, loop_ns=now - at)
-        number = channels.connection.number
+        number, hold_ns = channels.connection.number, channels.connection.originator_timeout_ns
+        own = self._lateness.of_silence(at - silent_ns, at, _budget(channels), hold_ns, loop_ns=now - at)
         self._expired[number] = own
         self.watchdog_expirations += 1
         self.watchdog_expirations_by_farm += own.late

@@ -15,13 +15,14 @@ __all__ = ["ArChannels"]
 
 @dataclass(slots=True)
 class ArChannels:
-    """The rows of one AR, and its controller."""
+    """The rows of one AR, and its controller, which gives up behind ``hold_ns`` without a frame."""
 
     initiator: str
     ip: IPv4Address
     mac: bytes
     cycle_ns: int
     watchdog_ns: int
+    hold_ns: int
     set_point_cycle_ns: int
     providers: list[tuple[int, IocrLayout]] = field(default_factory=list)
     consumers: list[tuple[int, IocrLayout]] = field(default_factory=list)

@@ -86,6 +86,7 @@ class StationChannels:
             mac=event.initiator_mac,
             cycle_ns=min(cr.cycle_ns for cr in event.iocrs),
             watchdog_ns=min((cr.data_hold_ns for cr in event.iocrs if not cr.is_input), default=0),
+            hold_ns=min((cr.data_hold_ns for cr in event.iocrs if cr.is_input), default=0),
             set_point_cycle_ns=min((cr.cycle_ns for cr in event.iocrs if not cr.is_input), default=0),
             unusable=event.unusable,
             connected_ns=now,

@@ -298,8 +298,8 @@ class StationConnections:
         if found is not None and found[0] not in self._expired:
             key = found[0]
             at = now if when is None else when
-            budget = _budget(self._station.ars[key])
-            own = self._lateness.between(at - silent_ns, at, budget, loop_ns=now - at)
+            ar = self._station.ars[key]
+            own = self._lateness.of_silence(at - silent_ns, at, _budget(ar), ar.hold_ns, loop_ns=now - at)
             self._expired[key] = own
             self.watchdog_expirations += 1
             self.watchdog_expirations_by_farm += own.late
