@@ -46,6 +46,9 @@ UNDO_SECONDS = 3.0
 #: Probes at the first meeting, for a good offset at once.
 FIRST_PROBES = 4
 
+#: Headers of a shard's answer: whatever type it says, a browser opens it without scripts, and as no other type.
+_NO_PAGE = {"Content-Security-Policy": "sandbox", "X-Content-Type-Options": "nosniff"}
+
 _INSTANCE = re.compile(r"[0-9a-f]{8}")
 
 _T = TypeVar("_T")
@@ -75,8 +78,8 @@ def read(shard: Shard, answer: Answer, *keys: str) -> dict[str, Any]:
 
 
 def passed_on(answer: Answer) -> Response:
-    """A shard's answer as it is."""
-    headers = {} if answer.tag is None else {"ETag": answer.tag}
+    """A shard's answer as it is; a browser shows none of it as a page of the hub's own."""
+    headers = dict(_NO_PAGE) if answer.tag is None else _NO_PAGE | {"ETag": answer.tag}
     media_type = answer.media_type or "application/octet-stream"
     return Response(answer.body, answer.status, headers=headers, media_type=media_type)
 

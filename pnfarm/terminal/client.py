@@ -50,10 +50,14 @@ def token_in(variable: str = FILE_VARIABLE) -> str | None:
     if not name:
         return None
     try:
-        return Path(name).read_text("ascii").strip() or None
+        token = Path(name).read_text("ascii").strip()
     except (OSError, UnicodeError) as exc:
         why = (getattr(exc, "strerror", None) or str(exc)).lower()
         raise ConfigError(f"the token's file {name} ({variable}) cannot be read: {why}") from exc
+    if not token:
+        # a server without a token is open
+        raise ConfigError(f"the token's file {name} ({variable}) is empty")
+    return token
 
 
 class FarmClient:

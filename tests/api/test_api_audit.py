@@ -367,6 +367,9 @@ def lines_changed(whole, change):
         lambda lines: lines.__setitem__(4, b"x" * 300_000 + b"\n"),
         lambda lines: lines.__setitem__(slice(2, 4), lines[3:1:-1]),
         lambda lines: lines.append(b'{"sequence":9'),
+        lambda lines: lines.__setitem__(0, lines[0].replace(b'"noted":', b'"noted":7,"then":')),
+        lambda lines: lines.__setitem__(0, lines[0].replace(b'"found":', b'"found":[],"then":')),
+        lambda lines: lines.__setitem__(2, lines[2].replace(b'"of":', b'"of":[],"then":')),
     ],
 )
 def test_the_check_finds_each_change_inside_the_file(whole, change, capsys):

@@ -245,6 +245,7 @@ HEX = "0" * 64
         ("# a\n\nci inject never", "line 3: a line has four words"),
         (f"ci root never sha256:{HEX}", "line 1: there is no role 'root'; there are read, inject, admin"),
         (f"ci read soon sha256:{HEX}", "line 1: 'soon' is not a time such as"),
+        (f"ci read 9999-12-31T23:59:59-14:00 sha256:{HEX}", "line 1: .* is not a time such as"),
         (f"../ci read never sha256:{HEX}", r"line 1: '\.\./ci' is not a name"),
         (f"loopback read never sha256:{HEX}", "line 1: loopback is a name of pnfarm's own"),
         (f"a read never sha256:{HEX}\na read never sha256:{HEX[1:]}1", "line 2: a second token is called a"),

@@ -483,6 +483,7 @@ def test_a_gsdml_file_that_is_a_pipe_is_refused_and_not_waited_for(pipe):
     ("text", "told"),
     [
         ("api: {listen: '0.0.0.0:1', token: secret}", "api.token: has 6 characters; allowed: 8 to 512 characters"),
+        ("api: {listen: '0.0.0.0:1', token: 12345678}", "api.token: is not text: put it in quotes; allowed: a word"),
         (f"api: {{listen: '0.0.0.0:1', token: {'s' * 600}}}", "api.token: has 600 characters; allowed: 8 to 512"),
         ("api: {listen: '0.0.0.0:1', token: ''}", "api.token: is empty; allowed: 8 to 512 characters"),
     ],

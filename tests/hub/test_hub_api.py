@@ -55,6 +55,17 @@ def test_what_is_a_drives_own_goes_to_the_shard_that_has_it(world):
     assert_problem(world.get("drives/pump-01/params/IL.LIMITP"), 409, "switched off")
     assert world.get("drives/pump-01/controller").json()["drive"] == "pump-01"
     assert world.get("drives/axis-01/modules").status_code == 200
+
+
+def test_a_body_in_chunks_reaches_the_shard(world):
+    async def body():
+        yield b'{"val'
+        yield b'ue": 77}'
+
+    # of unknown length: it arrives in chunks
+    headers = {"content-type": "application/json"}
+    chunks = world.request("PUT", "drives/pump-01/params/IL.LIMITP", content=body(), headers=headers)
+    assert chunks.json().get("value") == 77, chunks.text
     assert_problem(world.get("drives/axis-77"), 404, "axis-77")
 
 
@@ -98,6 +109,8 @@ def test_what_is_no_farm_is_away_and_told_and_the_others_work(world, answer, wor
     assert_problem(world.get("drives/pump-01"), 503, "pump-01 is unreachable")
     assert world.get("drives/axis-01").status_code == 200
     assert_problem(world.get("readyz"), 503, "1 of 2 shards answer")
+    # whoever has no token may ask, too
+    assert "s2:8702" not in world.get("readyz").text
     health = world.get("health").json()
     assert [one["state"] for one in health["shards"]] == ["up", "away"]
     assert health["shards"][1]["errors"]
@@ -139,11 +152,20 @@ def test_another_version_is_told(world):
     assert "runs pnfarm 0.0.1" in world.get("health").json()["shards"][1]["notes"][0]
 
 
+def test_what_a_shard_answers_is_no_page_of_the_hub(world):
+    page = httpx.Response(200, content=b"<script>1</script>", headers={"content-type": "text/html"})
+    world[1].trouble = lambda request: page
+    answer = world.get("drives/axis-01/modules")
+    assert (answer.text, answer.headers["content-security-policy"]) == ("<script>1</script>", "sandbox")
+    assert answer.headers["x-content-type-options"] == "nosniff"
+
+
 def test_drives_that_two_shards_claim_are_refused_and_told():
     world = HubWorld(("axis-{n:02}", 2), ("axis-{n:02}", 1))
     assert_problem(world.get("drives/axis-01"), 409, "axis-01 is claimed by s1:8702 and s2:8702")
     assert_problem(world.post("faults", {"kind": "silence", "on": "all"}), 409, "claimed by")
     assert_problem(world.get("readyz"), 503, "1 drives are claimed")
+    assert "axis-01" not in world.get("readyz").text
     assert world.get("health").json()["conflicts"] == {"axis-01": ["s1:8702", "s2:8702"]}
     drives = {drive["name"]: drive.get("claimed_by") for drive in world.get("drives").json()["drives"]}
     assert drives == {"axis-01": ["s1:8702", "s2:8702"], "axis-02": None}

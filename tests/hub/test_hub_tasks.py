@@ -91,6 +91,13 @@ def test_a_token_in_a_file_that_is_not_there_is_told(capsys, monkeypatch):
     assert "/nowhere/token (PNFARM_HUB_SHARD_TOKEN_FILE) cannot be read" in capsys.readouterr().err
 
 
+def test_an_empty_file_of_the_hubs_token_opens_no_hub(capsys, monkeypatch, tmp_path):
+    (tmp_path / "token").write_text("\n")
+    monkeypatch.setenv("PNFARM_HUB_API_TOKEN_FILE", str(tmp_path / "token"))
+    assert main(["hub", "--shard", "x"]) == 2
+    assert "token (PNFARM_HUB_API_TOKEN_FILE) is empty" in capsys.readouterr().err
+
+
 def test_commands_print_what_is_missing_and_end_with_1(capsys, monkeypatch):
     world = HubWorld(("axis-{n:02}", 1), ("pump-{n:02}", 1))
     world.lose(2)

@@ -254,7 +254,7 @@ class AuditLog:
         try:
             found = json.loads(text)
             return _Noted(int(found["sequence"]), str(found["digest"]), int(found["size"]))
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, OverflowError):
             # somebody wrote into it: nothing fits it
             return _Noted(0, "", -1)
 

@@ -87,6 +87,9 @@ def _record(line: bytes) -> dict[str, Any] | None:
         isinstance(found, dict)
         and isinstance(found.get("sequence"), int)
         and all(isinstance(found.get(key), str) for key in ("time", "record", "previous"))
+        and isinstance(found.get("found", ""), str)
+        and isinstance(found.get("of", 0), int)
+        and isinstance(found.get("noted") or {}, dict)
     )
     return found if is_record else None
 

@@ -125,9 +125,10 @@ def _moment(text: str) -> float | None:
         return None
     try:
         found = datetime.fromisoformat(text)
-    except ValueError as exc:
+        # a year that UTC does not have is no time either
+        return (found if found.tzinfo is not None else found.replace(tzinfo=UTC)).astimezone(UTC).timestamp()
+    except (ValueError, OverflowError) as exc:
         raise ValueError(f"{shown(text)} is not a time such as 2027-01-31T12:00:00Z, nor `never`") from exc
-    return (found if found.tzinfo is not None else found.replace(tzinfo=UTC)).timestamp()
 
 
 def read_tokens(path: Path) -> list[Holder]:

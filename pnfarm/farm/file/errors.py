@@ -118,7 +118,9 @@ class Explainer:
             hint = did_you_mean(value, words) if isinstance(value, str) else ""
             return place, f"is {shown(value)}{hint}", ", ".join(words) or context["expected"]
         if kind in _BY_TYPE:
-            return place, f"is {shown(value)}", _BY_TYPE[kind] + _bounds(field)
+            # a secret, which a log would keep, is not repeated
+            what = f"is {shown(value)}" if field is None or field.repr else "is not text: put it in quotes"
+            return place, what, _BY_TYPE[kind] + _bounds(field)
         if kind.startswith(("greater_than", "less_than")):
             return place, f"is {shown(value)}", "a number" + _bounds(field)
         if kind in _LENGTHS:

@@ -52,6 +52,7 @@ class Api(Section):
     listen: Listen = Field(description="HOST:PORT; port 0 takes any free one.")
     token: str | None = Field(
         default=None,
+        repr=False,
         min_length=8,
         max_length=512,
         description="Bearer token that clients must send; left out, one is generated unless the API listens on "
@@ -67,6 +68,7 @@ class Api(Section):
 
     read_token: str | None = Field(
         default=None,
+        repr=False,
         min_length=8,
         max_length=512,
         description="Further bearer token, which may read and change nothing; with it, every client needs a token.",

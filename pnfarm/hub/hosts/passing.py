@@ -65,7 +65,7 @@ class Passing:
         path = request.scope["path"].removeprefix(f"{PREFIX}/")
         no_steps(path)
         body = None
-        if request.method in {"PUT", "POST", "PATCH"} and int(request.headers.get("content-length", "0") or 0):
+        if request.method in {"PUT", "POST", "PATCH"} and _has_body(request):
             body = await read_object(request)
         if request.method not in {"GET", "HEAD"}:
             changes_nothing(request)
@@ -78,3 +78,8 @@ class Passing:
         except AwayError as exc:
             later = "" if request.method == "GET" else "; whether it was carried out is not known"
             raise AwayError(f"{name} is unreachable: {exc}{later}", exc.event, exc.slug) from exc
+
+
+def _has_body(request: Request) -> bool:
+    """One of a known length, or one in chunks."""
+    return request.headers.get("content-length", "0") not in {"", "0"} or "transfer-encoding" in request.headers
