@@ -20,6 +20,7 @@ import anyio
 import anyio.to_thread
 
 from pnfarm.farm.process.garbage import keep_what_is_loaded, search_seldom
+from pnfarm.farm.process.heap import keep_heap_small
 from pnfarm.links.serial.eager_loop import LOOKING
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
@@ -260,6 +261,7 @@ def main() -> None:
     if settings.get("interface_from_outside"):
         _leave(settings["interface_from_outside"])
     os.sched_setaffinity(0, {settings["cpu"]})
+    keep_heap_small()
     search_seldom()
     if role == "floor":
         _floor(settings)

@@ -39,6 +39,7 @@ from pnfarm.cli.commands import run as scenario
 from pnfarm.cli.errors import report, silence_stdout
 from pnfarm.farm.process.address_space import COMMAND, few_threads, require_address_space
 from pnfarm.farm.process.garbage import search_seldom
+from pnfarm.farm.process.heap import keep_heap_small
 from pnfarm.terminal.command import Command, Panel, arranged
 from pnfarm.terminal.settings import LogFormat, LogLevel, Settings, help_without_command, settings
 from pnfarm.version import __version__
@@ -156,6 +157,7 @@ def _global_first(arguments: Sequence[str]) -> list[str]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code.  Without ``arguments``, the process's own."""
     few_threads()
+    keep_heap_small()
     search_seldom()
     blank = Settings()
     settings.log_format, settings.log_level, settings.debug = blank.log_format, blank.log_level, blank.debug

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import sys
 import threading
@@ -103,6 +104,21 @@ def of_objects() -> dict[str, int]:
     return {f"{kind.__module__}.{kind.__qualname__}": count for kind, count in found.most_common(CLASSES)}
 
 
+class _Heap(ctypes.Structure):
+    """``mallinfo2`` of the C library, mallinfo(3): octets of all its heaps."""
+
+    _fields_ = [
+        (name, ctypes.c_size_t)
+        for name in (
+            "arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost",
+        )
+    ]  # fmt: skip
+
+
+_mallinfo = ctypes.CDLL(None).mallinfo2
+_mallinfo.restype = _Heap
+
+
 def of_process(loop: AbstractEventLoop | None) -> dict[str, Any]:
     """Of this process; the tasks by the names of their coroutines."""
     tasks: dict[str, int] = {}
@@ -110,8 +126,12 @@ def of_process(loop: AbstractEventLoop | None) -> dict[str, Any]:
         for task in all_tasks(loop):
             name = getattr(task.get_coro(), "__qualname__", "?")
             tasks[name] = tasks.get(name, 0) + 1
+    heap = _mallinfo()
     return {
         "rss": int(Path("/proc/self/statm").read_text("ascii").split()[1]) * 4096,
+        # in use, and kept free
+        "heap": heap.uordblks + heap.hblkhd,
+        "heap free": heap.fordblks,
         "blocks": sys.getallocatedblocks(),
         "garbage": len(gc.garbage),
         "threads": threading.active_count(),

@@ -416,7 +416,9 @@ class RealRun:
                 continue
             process = noted["process"]
             sample[f"{name} pid"] = side.process.pid
-            sample |= {f"{name} {key}": process[key] for key in ("rss", "blocks", "threads", "files")}
+            sample |= {
+                f"{name} {key}": process[key] for key in ("rss", "heap", "heap free", "blocks", "threads", "files")
+            }
             sample[f"{name} tasks"] = sum(_lasting(process["tasks"]).values())
             sample[f"{name} rows"] = rows(noted["holds"])
         self.samples.append(sample)
