@@ -217,6 +217,22 @@ async def _rebinding(target: Target) -> list[int]:
     return [await target.ask(*change, Host=name, Origin=f"https://{name}") for change in CHANGES]
 
 
+async def _slow_forms(target: Target) -> list[int]:
+    """Forms for a token whose body never ends, and beside them somebody who may read, who has an answer at once."""
+    held = []
+    head = f"POST / HTTP/1.1\r\nHost: 127.0.0.1:{target.port}\r\nContent-Length: 100\r\n"
+    head += "Content-Type: application/x-www-form-urlencoded\r\n\r\ntoken="
+    try:
+        for _ in range(40):
+            _, writer = await target.secure()
+            held.append(writer)
+            writer.write(head.encode())
+        return [await target.ask("GET", "/api/v1/faults", b"", Authorization=target.bearer("wall"))]
+    finally:
+        for writer in held:
+            await closed(writer)
+
+
 async def _deaf_streams(target: Target) -> list[int]:
     """Streams of events that nobody reads, by somebody who may read."""
     held = []
@@ -274,12 +290,14 @@ class Attack:
 ATTACKS = {
     "slow requests": Attack(_slow, frozenset({0})),
     "half-open connections": Attack(_half_open, frozenset({0})),
-    "oversized requests": Attack(_oversized, BROKEN | REFUSED),
+    # a form, too, which waits for a place among those of strangers
+    "oversized requests": Attack(_oversized, BROKEN | REFUSED | {503}),
     "malformed requests": Attack(_malformed, BROKEN | REFUSED),
     "handshakes that are none": Attack(_handshakes, frozenset({0})),
     "tokens without the right": Attack(_tokens, REFUSED),
     "other origins": Attack(_other_origins, REFUSED),
     "names that point here": Attack(_rebinding, REFUSED),
+    "slow forms": Attack(_slow_forms, frozenset({200})),
     "streams that nobody reads": Attack(_deaf_streams, frozenset({200})),
     "floods of requests": Attack(_flood, frozenset({200, 503, 0})),
     "wrong values": Attack(_wrong_values, BROKEN),
