@@ -8,6 +8,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.views.readings import DriveReadings
 from pnfarm.farm.wait import NotInTime
 from pnfarm.library.arguments import duration_ns
+from pnfarm.scenario.run import LOOK_NS
 from pnfarm.scenario.watch import Watch, as_text
 from pnfarm.signals.conditions import bind
 from pnfarm.vocabulary.conditions import ConditionError
@@ -74,7 +75,13 @@ class Drive(DriveReadings):
         if not held:
             values = as_text(watch.shown()[self.name])
             raise NotInTime(f"{condition} did not hold within {within_ns / 1e9:g} s: {values}; {self!r}")
-        return max(0, watch.held_ns[self.name] - began) / 1e9
+        took_ns = max(0, watch.held_ns[self.name] - began)
+        # who looks late sees what came true too late
+        if took_ns > within_ns + LOOK_NS:
+            raise NotInTime(
+                f"{condition} held after {took_ns / 1e9:.3f} s, and not within {within_ns / 1e9:g} s: {self!r}"
+            )
+        return took_ns / 1e9
 
     async def refresh(self) -> Drive:
         """Does nothing: readings of a farm in this process are the present ones; as :meth:`RemoteDrive.refresh`."""

@@ -102,6 +102,29 @@ def test_a_moment_counts_and_a_wait_in_vain_tells_the_values(running):
     running(work)
 
 
+def test_what_is_seen_too_late_was_not_in_time(running, monkeypatch):
+    """As in a process that stands while it waits."""
+
+    async def work(farm):
+        await farm.wait_running()
+        axis = farm.drive("axis-01")
+        passing = axis._passing
+
+        async def stood(holds, within_ns, *, polled):
+            await type(passing).wait(passing, lambda: False, 500_000_000, polled=False)
+            return holds()
+
+        async with axis.fault("f702", count=1):
+            monkeypatch.setattr(passing, "wait", stood)
+            # acknowledged behind 200 ms
+            with pytest.raises(pnfarm.NotInTime, match=r"state == S2 held after 0\.2\d\d s, and not within 0\.1 s"):
+                await axis.wait_for("state == S2", within=0.1)
+        monkeypatch.undo()
+        await farm.wait_running()
+
+    running(work)
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -186,8 +209,9 @@ def test_metrics_have_names_and_labels(running):
 
 def test_events_are_iterated_and_go_on_while_they_are_awaited(running):
     async def work(farm):
+        await farm.wait_running()
         before = [event.sequence async for event in farm.events(follow=False)][-1]
-        async with farm.drive("axis-01").fault("f702", count=1):
+        async with farm.drive("axis-01").fault("f702", count=1), asyncio.timeout(60):
             async for event in farm.events("axis-01"):
                 if event.event == "fault" and event.sequence > before:
                     break
