@@ -134,8 +134,9 @@ class Leaseholder:
 
     def _tick(self) -> None:
         self.state.attended()
-        self._look()
+        # first: the lease is attended as long as this process runs, whatever a look finds
         self._handle = self._loop.call_later(LOOK_SECONDS, self._tick)
+        self._look()
 
     def _look(self) -> None:
         now = self._now()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import sys
+import threading
 import time
 
 import pytest
@@ -159,6 +160,23 @@ def test_a_database_that_is_restarted_is_found_again(fresh, open_state):
         assert PASSWORD not in str(caught.value)
     finally:
         fresh.start()
+    assert until(lambda: state.ready)
+    state.save("axis-01", {"name": "c"})
+    assert open_state(fresh).load("axis-01") == {"name": "c"}
+
+
+def test_a_machine_without_a_thread_for_a_while_loses_the_database_and_finds_it_again(fresh, open_state, monkeypatch):
+    state = open_state(fresh)
+
+    class NoThread(threading.Timer):
+        def start(self):
+            raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(postgres.threading, "Timer", NoThread)
+        with pytest.raises(EnvironmentError_, match="can't start new thread"):
+            state.save("axis-01", {"name": "b"})
+        assert not state.ready
     assert until(lambda: state.ready)
     state.save("axis-01", {"name": "c"})
     assert open_state(fresh).load("axis-01") == {"name": "c"}

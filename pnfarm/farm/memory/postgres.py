@@ -270,7 +270,8 @@ class PostgresState:
                     self._serve(connection, tables)
             except EnvironmentError_ as exc:
                 self._failed(exc)
-            except (self._driver.Error, OSError) as exc:
+            except (self._driver.Error, OSError, RuntimeError) as exc:
+                # RuntimeError: the machine has no thread left
                 self._broke(exc)
             with self.changed:
                 self.changed.wait_for(lambda: self._closing, again)
@@ -309,15 +310,14 @@ class PostgresState:
     @contextlib.contextmanager
     def _bounded(self, connection: Any) -> Iterator[None]:
         """Cut the connection if what is inside takes too long: then it raises an error of the driver's."""
-        wire = socket.socket(fileno=os.dup(connection.fileno()))
-        timer = threading.Timer(STUCK_SECONDS, _cut, (wire,))
-        timer.start()
-        try:
-            yield
-        finally:
-            timer.cancel()
-            timer.join()
-            wire.close()
+        with socket.socket(fileno=os.dup(connection.fileno())) as wire:
+            timer = threading.Timer(STUCK_SECONDS, _cut, (wire,))
+            timer.start()
+            try:
+                yield
+            finally:
+                timer.cancel()
+                timer.join()
 
     def _serve(self, connection: Any, tables: Tables) -> None:
         """Until closed, or an error of the driver's."""
