@@ -1,8 +1,12 @@
-"""What a soak has done so far, in one JSON file, from which it goes on and its report is made."""
+"""What a soak has done so far, in one JSON file, from which it goes on and its report is made.
+
+A name that ends in ``.xz`` has it compressed, to a tenth.
+"""
 
 from __future__ import annotations
 
 import json
+import lzma
 import os
 import platform
 import subprocess
@@ -15,6 +19,7 @@ __all__ = ["KEPT_OPTIONS", "Kept", "KeptError", "commit", "machine"]
 
 ROOT = Path(__file__).resolve().parents[2]
 VERSION = 1
+COMPRESSED = ".xz"
 #: Arguments that must be those of the first piece.
 KEPT_OPTIONS = ("hours", "piece", "seed", "drives", "rate", "link", "virtual")
 #: The seed of a piece is the soak's times this, and the number of the piece.
@@ -36,10 +41,11 @@ class Kept:
     def read(cls, path: Path) -> Kept:
         """Raises :class:`KeptError` for a file that no soak wrote."""
         try:
-            found = json.loads(path.read_text("utf-8"))
+            octets = path.read_bytes()
+            found = json.loads(lzma.decompress(octets) if path.suffix == COMPRESSED else octets)
         except OSError as exc:
             raise KeptError(f"{path} cannot be read: {exc.strerror}") from exc
-        except ValueError as exc:
+        except (ValueError, lzma.LZMAError) as exc:
             raise KeptError(f"{path} is no state of a soak: {exc}") from exc
         if not isinstance(found, dict) or found.get("soak") != VERSION:
             raise KeptError(f"{path} is no state of a soak, or of another version")
@@ -80,9 +86,10 @@ class Kept:
         """Replace the file: it is whole at every moment."""
         path.parent.mkdir(parents=True, exist_ok=True)
         fresh = path.with_name(f"{path.name}.new")
-        with fresh.open("w", encoding="utf-8") as file:
-            json.dump({"soak": VERSION, "options": self.options, "pieces": self.pieces}, file, default=str)
-            file.write("\n")
+        text = json.dumps({"soak": VERSION, "options": self.options, "pieces": self.pieces}, default=str) + "\n"
+        octets = text.encode()
+        with fresh.open("wb") as file:
+            file.write(lzma.compress(octets) if path.suffix == COMPRESSED else octets)
             file.flush()
             os.fsync(file.fileno())
         fresh.replace(path)

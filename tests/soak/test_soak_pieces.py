@@ -61,8 +61,9 @@ def test_a_soak_is_run_in_pieces_each_with_a_seed_of_its_own_until_nothing_is_le
     assert sorted(tmp_path.iterdir()) == [path]
 
 
-def test_one_that_was_interrupted_keeps_what_it_had_and_is_gone_on_with(tmp_path):
-    path = tmp_path / "soak.json"
+@pytest.mark.parametrize("name", ["soak.json", "soak.json.xz"])
+def test_one_that_was_interrupted_keeps_what_it_had_and_is_gone_on_with(tmp_path, name):
+    path = tmp_path / name
     assert run_pieces(Kept.of(path, OPTIONS), path, Runs(0, 130), 1e9) == 130
     kept = Kept.of(path, OPTIONS)
     assert (len(kept.pieces), kept.seconds) == (2, 1800.0)
@@ -100,8 +101,9 @@ def test_another_soaks_file_is_refused_with_what_differs(tmp_path, changed, told
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"soak": 99}', '{"soak": 1, "opt'])
-def test_a_file_that_no_soak_wrote_is_refused(tmp_path, text):
-    path = tmp_path / "soak.json"
+@pytest.mark.parametrize("name", ["soak.json", "soak.json.xz"])
+def test_a_file_that_no_soak_wrote_is_refused(tmp_path, text, name):
+    path = tmp_path / name
     path.write_text(text)
     with pytest.raises(KeptError, match="no state of a soak"):
         Kept.of(path, OPTIONS)
