@@ -155,6 +155,26 @@ def test_a_request_that_is_given_up_while_it_is_written_is_not_written_over(run,
     assert check_audit(run.file).wrong == []
 
 
+def test_what_a_silent_disk_takes_too_late_is_not_carried_out(run, monkeypatch):
+    sync, released = os.fdatasync, threading.Event()
+
+    def slow(file):
+        assert released.wait(60)
+        sync(file)
+
+    monkeypatch.setattr(audit_module, "WAIT_SECONDS", 0.05)
+    monkeypatch.setattr(audit_module.os, "fdatasync", slow)
+    timer = threading.Timer(0.2, released.set)
+    timer.start()
+    assert_problem(run.world.post(FAULTS, FAULT), 503, "nothing was changed", "the disk has not answered")
+    timer.join()
+    assert run.world.faults.list() == []
+    assert [(one["record"], one.get("status")) for one in run.records[1:]] == [("request", None), ("answer", 503)]
+    monkeypatch.undo()
+    assert run.world.post(FAULTS, FAULT).status_code == 201
+    assert check_audit(run.file).wrong == []
+
+
 def test_the_handler_gets_the_body_that_was_read_and_a_body_without_end_none(run):
     assert run.world.post(FAULTS, FAULT).status_code == 201
     assert [record["record"] for record in run.records] == ["begin", "request", "answer"]

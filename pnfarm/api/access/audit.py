@@ -154,8 +154,17 @@ class AuditLog:
     # -- records
 
     async def request(self, fields: Mapping[str, Any]) -> int:
-        """Write a request to the disk; its sequence number.  Raises :class:`OSError`."""
-        return await self._carefully({"record": "request", **fields})
+        """Write a request to the disk; its sequence number.
+
+        Raises :class:`OSError`, also for a disk that took too long: then the log has the refusal as its answer.
+        """
+        began = anyio.current_time()
+        number = await self._carefully({"record": "request", **fields})
+        if anyio.current_time() - began > WAIT_SECONDS:
+            # nobody expects a change so late
+            await self.answer(number, HTTPStatus.SERVICE_UNAVAILABLE)
+            raise _silent()
+        return number
 
     async def answer(self, of: int, status: int) -> None:
         """Write how a request was answered, now or before the next request."""
@@ -172,7 +181,7 @@ class AuditLog:
             with anyio.fail_after(WAIT_SECONDS):
                 await self._lock.acquire()
         except TimeoutError as exc:
-            raise OSError(errno.ETIMEDOUT, f"the disk has not answered for {WAIT_SECONDS:g} s") from exc
+            raise _silent() from exc
         try:
             return await anyio.to_thread.run_sync(self._append_all, record)
         finally:
@@ -308,6 +317,10 @@ class AuditLog:
             os.pwrite(self._note, text.encode().ljust(NOTE_OCTETS - 1) + b"\n", 0)
         except OSError as exc:
             logger.warning("end of the audit log not noted", file=str(self._note_path), reason=_why(exc))
+
+
+def _silent() -> OSError:
+    return OSError(errno.ETIMEDOUT, f"the disk has not answered for {WAIT_SECONDS:g} s")
 
 
 def _why(exc: OSError) -> str:
