@@ -15,10 +15,16 @@ Every message is one sentence: what, where, what would be right.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
 __all__ = [
     "ConfigError",
     "DecodeError",
     "EnvironmentError_",
+    "FieldsError",
     "InternalError",
     "PnfarmError",
     "RemoteError",
@@ -35,6 +41,21 @@ class ConfigError(PnfarmError):
     """The user's input is wrong."""
 
     exit_code = 2
+
+
+class FieldsError(ConfigError):
+    """A request with wrong fields: ``issues`` are (field, what is wrong, what is allowed)."""
+
+    #: Before each field, and between the sentences of the message.
+    before, between = "", "; "
+
+    def __init__(self, issues: Iterable[tuple[str, str, str]]) -> None:
+        self.issues = tuple(issues)
+        sentences = (
+            f"{self.before}{field}: {what}" + (f"; allowed: {allowed}" if allowed else "")
+            for field, what, allowed in self.issues
+        )
+        super().__init__(self.between.join(sentences))
 
 
 class DecodeError(PnfarmError):

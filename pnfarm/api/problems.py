@@ -17,10 +17,7 @@ from starlette.routing import Match
 
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
-from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
-from pnfarm.faults.errors import InjectionError
-from pnfarm.signals.refusal import SignalError
-from pnfarm.trace import TraceError
+from pnfarm.errors import ConfigError, EnvironmentError_, FieldsError, PnfarmError
 from pnfarm.web.bodies import Json
 from pnfarm.web.errors import ClientGoneError, RequestError
 
@@ -82,7 +79,7 @@ def _pnfarm_error(request: Request, exc: Exception) -> Response:
     match exc:
         case ParameterError():
             return problem(_parameter_status(exc.number), sentence, request, error_number=exc.number)
-        case InjectionError() | TraceError() | SignalError():
+        case FieldsError():
             errors = [{"field": field, "what": what, "allowed": allowed} for field, what, allowed in exc.issues]
             sentence = sentence.replace("\n", "; ")
             return problem(HTTPStatus.UNPROCESSABLE_ENTITY, sentence, request, errors=errors)

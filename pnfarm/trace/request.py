@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.errors import ConfigError
+from pnfarm.errors import FieldsError
 from pnfarm.trace.trigger import TRIGGER, Trigger, parse_trigger
 from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_duration
 from pnfarm.vocabulary.globs import GLOBS, GLOBS_SCHEMA, read_globs
@@ -31,17 +31,10 @@ _SIGNALS = "a list of signals such as velocity, stw1.* or island-1.part_present;
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
-class TraceError(ConfigError):
-    """A request that is not valid: (field, what is wrong, what is allowed) for each wrong field."""
+class TraceError(FieldsError):
+    """A request that is not valid."""
 
-    def __init__(self, issues: list[tuple[str, str, str]]) -> None:
-        self.issues = tuple(issues)
-        super().__init__(
-            "; ".join(
-                f"trace.{field}: {what}" + (f"; allowed: {allowed}" if allowed else "")
-                for field, what, allowed in issues
-            )
-        )
+    before = "trace."
 
 
 @dataclass(frozen=True, slots=True)

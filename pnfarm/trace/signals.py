@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 __all__ = ["OF_IMAGE", "TraceSignal", "choose_signals", "chooses_any", "code_of", "is_glob", "label_of", "signals_of"]
 
-#: Words of which each bit is a signal, by the name of the word's signal; with the names for a model that has none.
 #: Bits of :data:`pnfarm.station.signals.SIGNALS` that a field has.
 _BITS = ("in_operation", "homed", "task_active", "target_reached")
 _STATES = {0: "boot", **{number: f"S{number}" for number in range(1, 6)}}

@@ -68,7 +68,6 @@ LAYERS = {
     "parse_icmp": ("icmp",),
     "parse_dcp": ("dcp",),
     "parse_lldp": ("lldp",),
-    "parse_rtc": ("rtc",),
     "parse_rta": ("rta",),
     "parse_rta_error": ("rta",),
     "parse_alarm": ("alarm",),

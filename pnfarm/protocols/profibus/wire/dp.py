@@ -14,7 +14,7 @@ from pnfarm.wire.layout import Fixed, Rest, UInt8, UInt16
 __all__ = [
     "MOST_DIAGNOSIS", "NO_MASTER", "Control", "Diagnosis", "DiagnosisBlock", "DpState", "GlobalControl",
     "Identifier", "Parameters", "PrmStatus", "SetAddress", "StationStatus", "V1Status1", "V1Status2", "V1Status3",
-    "emit_identifiers", "parse_identifiers", "watchdog_factors",
+    "parse_identifiers", "watchdog_factors",
 ]  # fmt: skip
 
 #: Master address of a slave that none has parametrised.
@@ -239,10 +239,6 @@ def parse_identifiers(data: bytes) -> list[Identifier]:
         )
         place = end + specific
     return found
-
-
-def emit_identifiers(identifiers: list[Identifier]) -> bytes:
-    return b"".join(one.octets for one in identifiers)
 
 
 # -- Global_Control (8.3.7) -------------------------------------------------------------------------------------------
