@@ -125,16 +125,19 @@ class LatenessRecord:
             budget_ns, engine_ns, receive_ns, max(loop, loop_ns, 0), stolen, lines_ns=lines, by_loop=by_loop
         )
 
-    def of_silence(self, begin: int, end: int, budget_ns: int, hold_ns: int, *, loop_ns: int) -> Lateness:
+    def of_silence(
+        self, begin: int, end: int, budget_ns: int, hold_ns: int, cycle_ns: int, *, loop_ns: int
+    ) -> Lateness:
         """How late the farm was in a silence of its controller, or before it.
 
-        A farm that was itself silent for the controller's data hold time, ``hold_ns`` (0: none), has lost the
+        A farm that was itself late by the controller's data hold time, ``hold_ns`` (0: none), less a cycle has lost the
         connection before the controller was silent.
         """
         own = self.between(begin, end, budget_ns, loop_ns=loop_ns)
         if own.late or not hold_ns:
             return own
-        before = self.between(begin - hold_ns, end, hold_ns, loop_ns=loop_ns)
+        expires_ns = max(cycle_ns, hold_ns - cycle_ns)
+        before = self.between(begin - hold_ns - cycle_ns, end, expires_ns, loop_ns=loop_ns)
         return before if before.late else own
 
     def _engine(self, begin: int, end: int, together_ns: int) -> tuple[int, int]:
@@ -159,11 +162,13 @@ class LatenessRecord:
         if due and end - seen > LATE_NS:
             rows.insert(0, (seen, end, end - seen))
         for first, last, late in rows:
-            counted.append((last, late))
-            total += late
+            # ticks that are late by less than half of the time between them are on time in the long run
+            part = late if 2 * late >= last - first else 0
+            counted.append((last, part))
+            total += part
             while together_ns and counted[0][0] - first > together_ns and len(counted) > 1:
                 total -= counted.popleft()[1]
-            worst = max(worst, total)
+            worst = max(worst, total, late)
         return worst, max(0, waited)
 
     def _stolen_between(self, begin: int, end: int) -> int:

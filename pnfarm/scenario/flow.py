@@ -59,6 +59,8 @@ class Flow(ABC):
         self._begun = 0
         #: The step that began last.
         self.step = ""
+        #: Begin and end of the `wait` for a time that ended last.
+        self._rest = now, now - 1
 
     @property
     def steps_begun(self) -> int:
@@ -151,7 +153,9 @@ class Flow(ABC):
                 case "wait" if "until" in step.values:
                     yield from self._wait_until(step)
                 case "wait":
+                    began = self._now
                     yield from self._sleep(step.values["for"])
+                    self._rest = began, self._now
                 case "expect" if "metric" in step.values:
                     yield from self._expect_metric(step)
                 case "expect":

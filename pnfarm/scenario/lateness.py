@@ -73,20 +73,27 @@ class FarmLateness:
     def __init__(self, core: FarmCore, budget_ns: int | None, now: int) -> None:
         self._core = core
         self._given_ns = budget_ns
-        self._began_ns = self._looked_ns = now
+        self._began_ns = self._step_ns = self._looked_ns = now
         self._last_budget_ns = self.budget_ns
         self._by_ratio = _Largest(lambda kept: kept.ratio)
         self._by_size = _Largest(lambda kept: kept.worst_ns)
         self._told = ""
 
+    def step(self, now: int) -> None:
+        """A step begins: what is found from now on is of it."""
+        if now > self._looked_ns:
+            self._keep(now)
+        self._step_ns = now
+
     def look(self, now: int) -> None:
         """Keep how late it was since the last look, before the record forgets it."""
-        if now - self._looked_ns < LOOK_NS:
-            return
+        if now - self._looked_ns >= LOOK_NS:
+            self._keep(now)
+
+    def _keep(self, now: int) -> None:
         budget = self.budget_ns
         # a tick may be late together with some before; a connection that is over had its budget up to then
-        before = TOGETHER * budget
-        begin = max(self._began_ns, self._looked_ns - before)
+        begin = max(self._step_ns, self._looked_ns - TOGETHER * budget)
         kept = self._found(begin, now)
         self._by_ratio.note(kept)
         self._by_size.note(kept)

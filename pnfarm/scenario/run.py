@@ -44,6 +44,8 @@ __all__ = ["LOOK_NS", "EachLook", "ScenarioRun", "Tell"]
 LOOK_NS = 1_000_000
 #: Between two looks at something that must hold there is no longer time, or it is not known whether it did.
 UNSEEN_NS = 20_000_000
+#: Of a `wait`, so much of its end counts for the expectation behind it.
+REST_NS = 1_000_000_000
 #: The state of an axis that is in operation.
 OPERATION = 4
 #: Drives whose values the summary of a failure shows; the record has all.
@@ -181,6 +183,11 @@ class ScenarioRun(Flow):
                 pass
 
     # -- steps
+
+    def _step(self, step: Step) -> Life:
+        if self._lateness is not None:
+            self._lateness.step(self._now)
+        yield from super()._step(step)
 
     def _act(self, step: Step) -> Life:
         # at once, in this process
@@ -391,7 +398,10 @@ class ScenarioRun(Flow):
         """Why the farm itself may be the reason for what became of these drives since ``begin``; else empty."""
         if self._lateness is None:
             return ""
-        if self._lateness.was_late(begin, self._now):
+        rested, ended = self._rest
+        # a step that takes no time is about the end of the `wait` before it
+        since = max(rested, begin - REST_NS) if ended == begin else begin
+        if self._lateness.was_late(since, self._now):
             return f"; the farm was itself {self._lateness.told}"
         lost = {name: self._own_losses[name] for name in names if name in self._own_losses and self._is_out(name)}
         lost |= {name: when for name in names if (when := self._last_own_losses.get(name, -1)) >= begin}

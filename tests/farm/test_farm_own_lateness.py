@@ -98,7 +98,7 @@ def test_short_lateness_does_not_excuse_a_silent_controller():
     assert expired.lateness.engine_ns == 5 * MS
 
 
-@pytest.mark.parametrize(("stood", "cause"), [(30, "controller"), (60, "farm")])
+@pytest.mark.parametrize(("stood", "cause"), [(30, "controller"), (39, "farm"), (60, "farm")])
 def test_farm_that_stood_longer_than_the_controllers_watchdog_is_the_cause_of_the_silence_behind(stood, cause):
     """The controller has given up while the farm stood, and sends nothing any more when it goes on."""
     line = connected()

@@ -380,3 +380,24 @@ def test_a_stall_early_in_a_long_step_is_remembered_on_a_machine_that_is_late_al
 
     case = late_run(NEVER, during)
     assert (case["verdict"], case["farm_late_seconds"]) == ("inconclusive", 0.1)
+
+    def behind_a_wait(line) -> None:
+        line.world.run(1.0)
+        line.own.advance(line.world.now)
+        during(line)
+
+    case = late_run("  - wait: 1s\n" + NEVER, behind_a_wait)
+    assert (case["verdict"], case["farm_late_seconds"]) == ("inconclusive", 0.1)
+
+
+@pytest.mark.parametrize(("before", "verdict"), [(0.5, "inconclusive"), (3.0, "failed")])
+def test_an_expectation_that_takes_no_time_is_about_the_end_of_the_wait_before_it(before, verdict) -> None:
+    def during(line) -> None:
+        columns, world = line.farm.columns, line.world
+        world.run(5.0 - before)
+        line.own.advance(world.now)
+        note_late(columns.engine[0], columns.late, world.now - 100_000_000, world.now, 0)
+        world.run(before)
+
+    steps = "  - wait: 5s\n  - expect: {drive: axis-01, that: velocity > 5000 rpm}\n"
+    assert late_run(steps, during)["verdict"] == verdict

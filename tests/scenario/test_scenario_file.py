@@ -122,6 +122,14 @@ def test_what_repeats_itself_without_end_is_bounded() -> None:
     assert len(errors(many, bind=False)) <= 100
 
 
+@pytest.mark.parametrize("step", ["{wait: 1s, name: x}", "wait", "{repeat: {times: 9, steps: []}}", "{repeat: {}}"])
+def test_a_wrong_step_that_repeats_itself_without_end_is_bounded(step) -> None:
+    nested = step
+    for _ in range(5):
+        nested = f"{{repeat: {{times: 10000, steps: [{nested}]}}}}"
+    assert any("too many steps" in issue for issue in errors(f"scenario: x\nsteps: [{nested}]\n", bind=False))
+
+
 def test_a_file_that_cannot_be_read_is_one_sentence(tmp_path) -> None:
     from pnfarm.scenario.definition.file import load_scenario
 

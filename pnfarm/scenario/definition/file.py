@@ -33,6 +33,8 @@ __all__ = ["KEYS", "MAX_RUNS", "MAX_STEPS", "Scenario", "load_scenario", "parse_
 
 #: Most steps once repetitions are written out; most errors that are reported.
 MAX_STEPS = 10_000
+#: Most steps and lists of them that are looked at, wrong ones and `repeat` included.
+MAX_LOOKED = 5 * MAX_STEPS
 MAX_ISSUES = 100
 #: Most runs of a matrix.
 MAX_RUNS = 100
@@ -146,7 +148,7 @@ class _Reader:
         self._path = path
         self._given = given
         self._issues: dict[FileIssue, None] = {FileIssue(name, *astuple(found)): None for found in document.problems}
-        self._count = 0
+        self._count = self._looked = 0
         #: Where in a `find` the steps that are read are; empty outside.
         self._part = ""
 
@@ -264,7 +266,16 @@ class _Reader:
 
     # -- steps
 
+    def _count_step(self, at: Location, *, valid: bool) -> None:
+        """What is wrong, and what repeats, takes time too: a file may make it very often."""
+        self._looked += 1
+        self._count += valid
+        if self._count > MAX_STEPS or self._looked > MAX_LOOKED:
+            self.report(at, "makes too many steps", f"at most {MAX_STEPS}, with repetitions written out")
+            raise _TooManyError
+
     def _steps(self, steps: Any, at: Location, known: Mapping[str, Any], loop: Mapping[str, Any]) -> list[Step]:
+        self._count_step(at, valid=False)
         if not isinstance(steps, list) or not steps:
             self.report(at, f"is {shown(steps)}", "a list of steps")
             return []
@@ -275,6 +286,7 @@ class _Reader:
 
     def _step(self, value: Any, at: Location, known: Mapping[str, Any], loop: Mapping[str, Any]) -> list[Step]:
         words = (*STEPS, *_GROUPS)
+        self._count_step(at, valid=isinstance(value, dict) and len(value) == 1 and "repeat" not in value)
         if not isinstance(value, dict) or len(value) != 1:
             what = f"has {len(value)} keys" if isinstance(value, dict) else f"is {shown(value)}"
             self.report(at, what, "a step with one key: " + ", ".join(words))
@@ -283,10 +295,6 @@ class _Reader:
         at = (*at, kind)
         if kind == "repeat":
             return self._repeat(content, at, known, loop)
-        self._count += 1
-        if self._count > MAX_STEPS:
-            self.report(at, "makes too many steps", f"at most {MAX_STEPS}, with repetitions written out")
-            raise _TooManyError
         if kind == "parallel":
             return self._parallel(content, at, known, loop)
         if kind == "find":

@@ -239,7 +239,9 @@ class StationConnections:
             return
         at = now if when is None else when
         number, hold_ns = channels.connection.number, channels.connection.originator_timeout_ns
-        own = self._lateness.of_silence(at - silent_ns, at, _budget(channels), hold_ns, loop_ns=now - at)
+        own = self._lateness.of_silence(
+            at - silent_ns, at, _budget(channels), hold_ns, channels.cycle_ns, loop_ns=now - at
+        )
         self._expired[number] = own
         self.watchdog_expirations += 1
         self.watchdog_expirations_by_farm += own.late

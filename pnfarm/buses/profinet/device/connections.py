@@ -299,7 +299,8 @@ class StationConnections:
             key = found[0]
             at = now if when is None else when
             ar = self._station.ars[key]
-            own = self._lateness.of_silence(at - silent_ns, at, _budget(ar), ar.hold_ns, loop_ns=now - at)
+            begin, hold_ns = at - silent_ns, ar.hold_ns
+            own = self._lateness.of_silence(begin, at, _budget(ar), hold_ns, ar.cycle_ns, loop_ns=now - at)
             self._expired[key] = own
             self.watchdog_expirations += 1
             self.watchdog_expirations_by_farm += own.late
