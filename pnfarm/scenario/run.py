@@ -44,6 +44,8 @@ __all__ = ["LOOK_NS", "EachLook", "ScenarioRun", "Tell"]
 LOOK_NS = 1_000_000
 #: Between two looks at something that must hold there is no longer time, or it is not known whether it did.
 UNSEEN_NS = 20_000_000
+#: The last look at something within its time is at most so long before the end.
+END_NS = 5 * LOOK_NS
 #: Of a `wait`, so much of its end counts for the expectation behind it.
 REST_NS = 1_000_000_000
 #: The state of an axis that is in operation.
@@ -306,7 +308,7 @@ class ScenarioRun(Flow):
         try:
             while True:
                 watch.look(self._now)
-                if watch.all_now:
+                if watch.all_ns is not None and watch.all_ns <= end + LOOK_NS:
                     return
                 if self._now >= end:
                     break
@@ -316,7 +318,7 @@ class ScenarioRun(Flow):
         missing = [name for name in watch.values() if name not in watch.held_ns]
         waited = format_duration(end - begin)
         message = f"not true within {waited} on {_few(missing or list(watch.values()))}"
-        self._fail(step, begin, message, watch, missing)
+        self._fail(step, begin, message, watch, missing, unseen=self._is_unseen(watch))
         raise EndedError(f"{step.title}: {message}")
 
     def _open(self, step: Step) -> Watch:
@@ -338,7 +340,10 @@ class ScenarioRun(Flow):
             missing = [name for name in watch.values() if watch.held_ns.get(name, latest + 1) > latest]
             if missing:
                 limit = f"within {format_duration(within)}" if within else "at once"
-                self._fail(step, begin, f"not true {limit} on {_few(missing)}", watch, missing)
+                # what is true at the first look behind the end may have been so in time
+                end = begin + within if watch.all_held and within else None
+                unseen = self._is_unseen(watch, end)
+                self._fail(step, begin, f"not true {limit} on {_few(missing)}", watch, missing, unseen=unseen)
                 return
             if hold:
                 yield from self._hold(watch, hold)
@@ -347,9 +352,9 @@ class ScenarioRun(Flow):
                 broken = list(watch.broken_ns)
                 self._fail(step, begin, f"true, but no longer after {after} on {_few(broken)}", watch, broken)
                 return
-            if self._is_unseen(watch):
-                unseen = f"true, but the farm, being late, did not look for {_time(watch.unseen_ns)}"
-                self._case(step, Verdict.INCONCLUSIVE, begin, unseen, watch=watch)
+            if hold and self._is_unseen(watch):
+                message = f"true, but the farm, being late, did not look for {_time(watch.unseen_ns)}"
+                self._case(step, Verdict.INCONCLUSIVE, begin, message, watch=watch)
                 return
             took = max(watch.held_ns.values()) - begin
             message = f"true after {_time(took)}" if took else "true at once"
@@ -362,16 +367,16 @@ class ScenarioRun(Flow):
         finally:
             self._watches.remove(watch)
 
-    def _is_unseen(self, watch: Watch) -> bool:
-        """Whether something that must hold, and whose changes are no events, was not looked at for too long."""
+    def _is_unseen(self, watch: Watch, end: int | None = None) -> bool:
+        """Whether something whose changes are no events was not looked at for too long, or not just before ``end``."""
         if self._lateness is None or not watch.polled(virtual=False):
             return False
-        return watch.unseen_ns > max(UNSEEN_NS, self._lateness.budget_ns)
+        too_late = end is not None and watch.before_ns < end - END_NS
+        return too_late or watch.unseen_ns > max(UNSEEN_NS, self._lateness.budget_ns)
 
     def _hold(self, watch: Watch, hold_ns: int) -> Life:
         end = self._now + hold_ns
-        watch.must_hold = True
-        watch.look(self._now)
+        watch.hold(self._now)
         while not watch.broken_ns and self._now < end:
             yield end
             watch.look(self._now)
@@ -415,9 +420,13 @@ class ScenarioRun(Flow):
         axis = self._stations.get(name)
         return axis is None or not axis.device.connected or int(axis.handle.axis.drive.state) != OPERATION
 
-    def _fail(self, step: Step, begin: int, message: str, watch: Watch, drives: list[str]) -> None:
-        """A condition was not true on ``drives``: failed, unless the farm itself is the reason."""
+    def _fail(
+        self, step: Step, begin: int, message: str, watch: Watch, drives: list[str], *, unseen: bool = False
+    ) -> None:
+        """A condition was not true on ``drives``: failed, unless the farm itself is the reason, or did not look."""
         own = self._own_part(begin, drives or list(watch.values()))
+        if not own and unseen:
+            own = f"; the farm, being late, did not look for {_time(watch.unseen_ns)}"
         verdict = Verdict.INCONCLUSIVE if own else Verdict.FAILED
         message += own
         shown = watch.shown()

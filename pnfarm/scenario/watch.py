@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.description.parts import fault_label
 from pnfarm.signals.device_signal import DeviceSignal, split_name
 from pnfarm.station import events
-from pnfarm.station.signals import EVENT_SIGNALS
+from pnfarm.station.signals import EVENT_SIGNALS, SIGNALS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from pnfarm.signals.conditions import Condition
     from pnfarm.signals.device_signal import LiveDevices
@@ -49,9 +49,10 @@ def signals_of_event(entry: LogEntry) -> dict[str, Value]:
 class Watch:
     """``conditions`` by drive, or by device where they are about devices alone.
 
-    ``held_ns``: when a drive's came true first; ``broken_ns``: when one that must hold did not.
+    ``held_ns``: when a drive's came true first; ``all_ns``: when all were true at once first; ``broken_ns``: when one
+    that must hold was not.  What happened before the first look does not count, though its entry comes later.
 
-    While :attr:`must_hold` is set, what counts is that none is false.
+    From :meth:`hold` on, what counts is that none is false.
     """
 
     def __init__(self, conditions: Mapping[str, Condition], stations: Mapping[str, Axis], devices: LiveDevices) -> None:
@@ -59,13 +60,17 @@ class Watch:
         self._stations = stations
         self._devices = devices
         self.held_ns: dict[str, int] = {}
+        self.all_ns: int | None = None
         self.broken_ns: dict[str, int] = {}
-        self.must_hold = False
-        #: The longest time between two looks while it must hold, ns, and the last look.
-        self.unseen_ns = self._looked_ns = 0
-        #: Whether all held at the last look.
-        self.all_now = False
+        #: The longest time between two looks, ns, and the last look but one.
+        self.unseen_ns = self.before_ns = 0
+        self._must_hold = False
+        self._since_ns = 0
+        self._looked_ns: int | None = None
+        self._true: set[str] = set()
         self._seen: dict[str, dict[str, Value]] = {}
+        #: Of each drive that has a fault: the oldest one, which is its signal ``fault``.
+        self._faults: dict[str, int] = {}
 
     def polled(self, *, virtual: bool) -> bool:
         """Whether it has a signal whose changes are no events, so that it must be looked at often."""
@@ -82,13 +87,22 @@ class Watch:
 
     def look(self, now: int) -> None:
         """Read every drive."""
-        if self.must_hold:
+        if self._looked_ns is not None:
             self.unseen_ns = max(self.unseen_ns, now - self._looked_ns)
+            self.before_ns = self._looked_ns
+        else:
+            self._since_ns = self.before_ns = now
+            faults = {name: int(SIGNALS["fault"].read(axis)) for name, axis in self._watched_drives()}
+            self._faults = {name: number for name, number in faults.items() if number}
         self._looked_ns = now
         self._seen.clear()
-        self.all_now = True
         for name in self._conditions:
             self._take(name, now, None)
+
+    def hold(self, now: int) -> None:
+        """From now on each must hold."""
+        self._must_hold, self._since_ns, self._looked_ns, self.unseen_ns = True, now, now, 0
+        self.look(now)
 
     def note(self, drive: str, entry: LogEntry) -> None:
         """Something happened to a drive, perhaps one of these."""
@@ -96,6 +110,10 @@ class Watch:
             return
         changed = signals_of_event(entry)
         lost = isinstance(entry.what, events.ConnectionLost | events.ConnectionReleased)
+        if isinstance(entry.what, events.FaultRaised):
+            changed["fault"] = self._faults.setdefault(drive, entry.what.number)
+        elif isinstance(entry.what, events.FaultsCleared):
+            self._faults.pop(drive, None)
         if changed or lost:
             # what happened since the last look, in order: the table may show a later moment already
             known = self._seen.setdefault(drive, {})
@@ -105,12 +123,20 @@ class Watch:
                 known.pop("connected", None)
             self._take(drive, entry.now_ns, known)
 
+    def _watched_drives(self) -> Iterator[tuple[str, Axis]]:
+        return ((name, self._stations[name]) for name in self._conditions if name in self._stations)
+
     def _take(self, name: str, now: int, known: Mapping[str, Value] | None) -> None:
+        if now < self._since_ns:
+            return
         if self._conditions[name].holds(self._stations.get(name), self._devices, known):
             self.held_ns.setdefault(name, now)
+            self._true.add(name)
+            if self.all_ns is None and len(self._true) == len(self._conditions):
+                self.all_ns = now
         else:
-            self.all_now = False
-            if self.must_hold:
+            self._true.discard(name)
+            if self._must_hold:
                 self.broken_ns.setdefault(name, now)
 
     def values(self) -> dict[str, dict[str, Any]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
+from itertools import pairwise
 from operator import ge, gt, le, lt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,7 @@ from pnfarm.scenario.definition.steps import STEPS
 from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.scenario.run import ScenarioRun
 from pnfarm.scenario.virtual import run_virtual
-from pnfarm.station.events import ConnectionLost
+from pnfarm.station.events import ConnectionLost, StateChanged
 from pnfarm.station.lateness import Lateness
 from pnfarm.table.late import LATE_ROWS
 from pnfarm.vocabulary.yaml_lines import parse_yaml
@@ -211,7 +212,17 @@ def stopped_in_a_stall(line, seconds: float) -> None:
     line.farm.lateness.loop.note(line.world.now, round(seconds * 1e9))
 
 
-@pytest.mark.parametrize(("during", "verdict"), [(stopped, "failed"), (stopped_in_a_stall, "inconclusive")])
+def stopped_before_our_eyes(line, seconds: float) -> None:
+    stopped(line, 0.0)
+    for _ in range(round(seconds * 1000)):
+        line.world.run(0.001)
+        line.own.advance(line.world.now)
+
+
+@pytest.mark.parametrize(
+    ("during", "verdict"),
+    [(stopped_before_our_eyes, "failed"), (stopped, "inconclusive"), (stopped_in_a_stall, "inconclusive")],
+)
 def test_what_came_true_behind_its_time_is_not_passed_because_nobody_looked_in_time(during, verdict) -> None:
     steps = "  - expect: {drive: axis-01, that: velocity < 1 rpm, within: 10ms}\n"
     assert late_run(steps, lambda line: during(line, 2.0))["verdict"] == verdict
@@ -352,7 +363,8 @@ def late_for(line, late_ms: float, every_ms: float, seconds: float) -> None:
             line.own.advance(world.now)
 
 
-NEVER = "  - expect: {drive: axis-01, that: velocity > 5000 rpm, within: 20s}\n"
+#: Of a state, whose changes are events: a run in real time looks each 200 ms.
+NEVER = "  - expect: {drive: axis-01, that: state == S1, within: 20s}\n"
 
 
 def test_small_delays_over_a_long_step_do_not_add_up_to_a_late_farm() -> None:
@@ -400,4 +412,57 @@ def test_an_expectation_that_takes_no_time_is_about_the_end_of_the_wait_before_i
         world.run(before)
 
     steps = "  - wait: 5s\n  - expect: {drive: axis-01, that: velocity > 5000 rpm}\n"
+    assert late_run(steps, during)["verdict"] == verdict
+
+
+def noted_late(line, *states: int) -> None:
+    """The event loop was busy: entries of what the engine saw before come only now."""
+    for ago, (before, after) in zip((2_000_000, 1_000_000), pairwise(states), strict=True):
+        line.farm.log.record(line.world.now - ago, "axis-01", StateChanged(before, after))
+
+
+def test_what_happened_before_a_step_and_is_noted_in_it_does_not_break_what_must_hold() -> None:
+    def during(line) -> None:
+        line.world.run(0.1)
+        line.own.advance(line.world.now)
+        noted_late(line, 2, 3, 4)
+
+    steps = "  - wait: 100ms\n  - expect: {drive: axis-01, that: state == S4, for: 200ms}\n"
+    assert late_run(steps, during)["verdict"] == "passed"
+
+
+def test_what_was_true_before_a_step_and_is_noted_in_it_does_not_pass() -> None:
+    def during(line) -> None:
+        line.world.run(0.1)
+        line.own.advance(line.world.now)
+        noted_late(line, 4, 2, 4)
+
+    steps = "  - wait: 100ms\n  - expect: {drive: axis-01, that: state == S2, within: 200ms}\n"
+    assert late_run(steps, during)["verdict"] == "failed"
+
+
+def test_a_wait_sees_a_state_that_is_over_when_it_looks() -> None:
+    def during(line) -> None:
+        line.world.run(0.1)
+        noted_late(line, 4, 2, 4)
+
+    steps = (
+        "  - wait: {until: state == S2, drive: axis-01, within: 1s}\n  - expect: {drive: axis-01, that: state == S4}\n"
+    )
+    assert late_run(steps, during)["verdict"] == "passed"
+
+
+@pytest.mark.parametrize(("condition", "verdict"), [("fault == 702", "passed"), ("fault != 702", "failed")])
+def test_a_second_fault_does_not_change_the_oldest_one(condition, verdict) -> None:
+    def during(line) -> None:
+        line.world.run(0.1)
+        line.own.advance(line.world.now)
+        line.farm.injections.inject({"kind": "drive-fault", "on": "axis-01", "params": {"fault": 439}}, line.world.now)
+        line.world.run(0.05)
+
+    limit = "for: 100ms" if verdict == "passed" else "within: 100ms"
+    steps = (
+        "  - fault: {kind: drive-fault, params: {fault: 702}, on: axis-01}\n  - wait: 100ms\n"
+        f"  - expect: {{drive: axis-01, that: {condition}, {limit}}}\n"
+    )
     assert late_run(steps, during)["verdict"] == verdict
