@@ -33,9 +33,10 @@ from pnfarm.scenario.report.record import Case, Verdict
 from pnfarm.signals.device_signal import note_forces, releases
 from pnfarm.station import events
 from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Coroutine, Generator, Mapping, Sequence
+    from collections.abc import Coroutine, Generator, Iterable, Mapping, Sequence
 
     from pnfarm.hub.hosts.faults import HubFaults
     from pnfarm.hub.hub import Hub
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from pnfarm.scenario.definition.binding import Binding
     from pnfarm.scenario.definition.steps import MetricName, Step
     from pnfarm.scenario.measures import Reading
+    from pnfarm.station.event import Event
 
 __all__ = ["HubRun"]
 
@@ -58,15 +60,16 @@ LOOK_NS = 1_000_000_000
 
 _T = TypeVar("_T")
 _WORST = (Verdict.ERROR, Verdict.FAILED, Verdict.INCONCLUSIVE, Verdict.PASSED)
-#: Events of the timeline.
-_TOLD = frozenset(
-    kind.TEXT
-    for kind in (
-        events.StateChanged, events.FaultRaised, events.FaultsCleared, events.WarningChanged, events.PowerLost,
-        events.PowerReturned, events.ConnectionEstablished, events.ConnectionLost, events.ConnectionReleased,
-        events.WatchdogExpired,
-    )
+#: Events of the timeline, with what buses make of them.
+_TOLD = (
+    events.StateChanged, events.FaultRaised, events.FaultsCleared, events.WarningChanged, events.PowerLost,
+    events.PowerReturned, events.ConnectionEstablished, events.ConnectionLost, events.ConnectionReleased,
+    events.WatchdogExpired,
 )  # fmt: skip
+
+
+def _texts(kinds: Iterable[type[Event]]) -> frozenset[str]:
+    return frozenset(text for kind in kinds for text in (kind.TEXT, *_texts(kind.__subclasses__())))
 
 
 class _Injected:
@@ -96,6 +99,12 @@ def _was_late(record: Mapping[str, Any]) -> bool:
     return found is None or bool(found["farm_late_seconds"] > found["farm_budget_seconds"])
 
 
+def _verdict(case: Mapping[str, Any]) -> Verdict:
+    """Of a shard's case; what did not run was cut short there, and nothing is known of it."""
+    found = Verdict(case["verdict"])
+    return Verdict.INCONCLUSIVE if found is Verdict.NOT_RUN else found
+
+
 def _of_all(step: Step) -> bool:
     """Whether it waits for all drives and devices, which each shard knows itself."""
     return step.get("until") == ALL_CONNECTED and not step.get("drive")
@@ -117,6 +126,10 @@ class HubRun(Flow):
         self._own: dict[str, _Injected] = {}
         self._off: dict[str, None] = {}
         self._forced: dict[str, set[str]] = {}
+        #: When shards lost drives by their own lateness last, and when these were in operation again: the hub's clock.
+        self._own_losses: dict[str, int] = {}
+        self._back: dict[str, int] = {}
+        self._told_texts = _texts(_TOLD)
         self._ending: asyncio.Task[None] | None = None
         self._unsubscribe = hub.log.subscribe(self._note)
 
@@ -127,9 +140,18 @@ class HubRun(Flow):
         return super().advance(now)
 
     def _note(self, entry: HubEntry) -> None:
-        if entry.drive in self.binding.drives and entry.data["event"] in _TOLD:
+        if entry.drive in self.binding.drives and entry.data["event"] in self._told_texts:
             state = entry.data.get("after") if entry.data["event"] == events.StateChanged.TEXT else None
+            if entry.data.get("cause") == "farm":
+                self._own_losses[entry.drive] = entry.at_ns
+            elif state == "S4":
+                self._back[entry.drive] = entry.at_ns
             self.record.note_told(entry.at_ns, entry.drive, str(entry.data["event"]), state)
+
+    def _is_own_loss(self, name: str, begin: int) -> bool:
+        """Whether a shard, being late, lost this drive's connection since ``begin``, or it is not back since."""
+        lost = self._own_losses.get(name, -1)
+        return lost >= 0 and (lost >= begin or self._back.get(name, -1) < lost)
 
     # -- requests
 
@@ -358,10 +380,9 @@ class HubRun(Flow):
         """One case of the shards' cases: the worst verdict decides; returns its message."""
         cases = [case for one in records for case in one["cases"]]
         lost = [one for one in records if one["verdict"] == "lost"]
-        verdicts = {Verdict(case["verdict"]) for case in cases} | ({Verdict.INCONCLUSIVE} if lost else set())
-        # what did not run on a shard was cut short there
+        verdicts = {_verdict(case) for case in cases} | ({Verdict.INCONCLUSIVE} if lost else set())
         verdict = next((one for one in _WORST if one in verdicts), Verdict.INCONCLUSIVE)
-        told = [case for case in cases if case["verdict"] == verdict]
+        told = [case for case in cases if _verdict(case) is verdict]
         if verdict is Verdict.PASSED:
             # the slowest one decides
             told = sorted(told, key=lambda case: -max(case["held_after_seconds"].values(), default=0.0))[:1]
@@ -421,9 +442,13 @@ class HubRun(Flow):
         shown, wanted = show_comparison(metric.name, value, bound)
         message = f"{asked} {shown}, wanted {wanted}"
         verdict = Verdict.PASSED if bound.holds(value) else Verdict.FAILED
+        named = [metric.labels["drive"]] if "drive" in metric.labels else list(self.binding.drives)
         if verdict is Verdict.FAILED and any(map(_was_late, records)):
             verdict = Verdict.INCONCLUSIVE
             message += "; a shard was itself late, or lost"
+        elif verdict is Verdict.FAILED and (lost := [name for name in named if self._is_own_loss(name, begin)]):
+            verdict = Verdict.INCONCLUSIVE
+            message += f"; a shard, being late, lost the connection of {shortened(lost)}"
         self._case(step, verdict, begin, message, value=value, measured=shown)
 
     # -- the end

@@ -83,9 +83,13 @@ class Scrape:
         with self._lock:
             return ("\n".join(family.text(values) for family, values in self._parts) + "\n").encode()
 
-    def metrics(self) -> Iterator[Metric]:
-        """As prometheus_client's objects."""
-        return (family.metric(values) for family, values in self._parts)
+    def metrics(self, wanted: str = "") -> Iterator[Metric]:
+        """As prometheus_client's objects; only that whose name, or a sample's, is ``wanted``, if it is given."""
+        return (
+            family.metric(values)
+            for family, values in self._parts
+            if not wanted or wanted.startswith(family.name.removesuffix("_total"))
+        )
 
 
 class FarmCollector(Collector):

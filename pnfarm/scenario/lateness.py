@@ -24,6 +24,9 @@ __all__ = ["FarmLateness"]
 
 #: Between two looks at the record, which keeps some seconds of a machine that is late all the time.
 LOOK_NS = 100_000_000
+#: Between two looks at a signal that has no events there is no longer time, or it is not known what it was; and so long
+#: before the end of its time the last look is at most.
+UNSEEN_NS, END_NS = 20_000_000, 5_000_000
 #: Kept largest ones of each kind.
 KEPT = 256
 
@@ -115,6 +118,13 @@ class FarmLateness:
         said = ", ".join(f"{name} {_rounded(ns)}" for name, ns in parts.items() if ns > 0)
         self._told = f"{_rounded(found.worst_ns)} late, and may be {_rounded(found.budget_ns)} ({said})"
         return True
+
+    def is_unseen(self, gap_ns: int, before_end_ns: int) -> bool:
+        """Whether a signal without events was not looked at for too long, or its last look in time was too early."""
+        if not self._core.lateness.loop.due_ns:
+            # no heartbeat: the clock is one that others move
+            return False
+        return before_end_ns > END_NS or gap_ns > max(UNSEEN_NS, self.budget_ns)
 
     def worst_ns(self, begin: int, now: int) -> int:
         """The largest lateness in that time."""

@@ -27,7 +27,7 @@ Reading = dict[tuple[str, str], float]
 
 def read_metric(collector: FarmCollector, wanted: MetricName) -> Reading:
     """The samples of a metric whose labels fit, added up."""
-    return reading_of(collector.gather().metrics(), wanted)
+    return reading_of(collector.gather().metrics(wanted.name), wanted)
 
 
 def reading_of(families: Iterable[Metric], wanted: MetricName) -> Reading:
@@ -57,7 +57,7 @@ def check_metric(collector: FarmCollector, wanted: MetricName, asked: str) -> No
         )
     if asked not in QUANTILES and wanted.name in histograms:
         raise ConfigError(f"{wanted.name} is a histogram: ask for p50, p90 or p99, or for {wanted.name}_count")
-    if not read_metric(collector, wanted):
+    if not reading_of(families, wanted):
         labels = ", ".join(f'{key}="{value}"' for key, value in wanted.labels.items())
         raise ConfigError(f"{wanted.name} has no series with {labels}")
 

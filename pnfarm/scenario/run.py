@@ -42,10 +42,6 @@ __all__ = ["LOOK_NS", "EachLook", "ScenarioRun", "Tell"]
 
 #: Time between two looks at signals whose changes are no events.
 LOOK_NS = 1_000_000
-#: Between two looks at something that must hold there is no longer time, or it is not known whether it did.
-UNSEEN_NS = 20_000_000
-#: The last look at something within its time is at most so long before the end.
-END_NS = 5 * LOOK_NS
 #: Of a `wait`, so much of its end counts for the expectation behind it.
 REST_NS = 1_000_000_000
 #: The state of an axis that is in operation.
@@ -94,15 +90,19 @@ class ScenarioRun(Flow):
         self._axes: dict[str, list[str]] = {}
         for axis in core.axes:
             self._axes.setdefault(axis.station.configured_name, []).append(axis.configured_name)
-        # a state is checked once, however often it is restored
+        # a state and a metric are checked once, however often they are asked for
         restored: dict[str, Step] = {}
+        metrics: dict[tuple[str, str, str], tuple[Step, str, MetricName, str]] = {}
         for step in binding.scenario.every_step():
             if step.kind == "restore":
                 restored.setdefault(step.values["state"], step)
-            if "metric" in step.values:
-                self._check_metric(step, "metric", step.values["metric"], _asked(step))
-            if "measure" in step.values:
-                self._check_metric(step, "measure", step.values["measure"].metric, step.values["measure"].asked)
+            for key in ("metric", "measure"):
+                if key in step.values:
+                    found = step.values[key]
+                    metric, asked = (found, _asked(step)) if key == "metric" else (found.metric, found.asked)
+                    metrics.setdefault((metric.name, str(metric.labels), asked), (step, key, metric, asked))
+        for checked in metrics.values():
+            self._check_metric(*checked)
         for step in restored.values():
             self._check_state(step)
         self._moments = TraceExcerpts(core, named_stations(binding), named_signals(binding), now) if traced else None
@@ -256,8 +256,10 @@ class ScenarioRun(Flow):
             self._clear(name)
 
     def _read_metric(self, metric: MetricName) -> Generator[int, None, Reading]:
-        yield from ()
-        return read_metric(self._collector, metric)
+        found = read_metric(self._collector, metric)
+        # reading takes time: what follows begins now
+        yield self._now
+        return found
 
     @property
     def _told_late(self) -> str:
@@ -371,8 +373,7 @@ class ScenarioRun(Flow):
         """Whether something whose changes are no events was not looked at for too long, or not just before ``end``."""
         if self._lateness is None or not watch.polled(virtual=False):
             return False
-        too_late = end is not None and watch.before_ns < end - END_NS
-        return too_late or watch.unseen_ns > max(UNSEEN_NS, self._lateness.budget_ns)
+        return self._lateness.is_unseen(watch.unseen_ns, 0 if end is None else end - watch.before_ns)
 
     def _hold(self, watch: Watch, hold_ns: int) -> Life:
         end = self._now + hold_ns
@@ -396,6 +397,8 @@ class ScenarioRun(Flow):
         message = f"{asked} {shown}, wanted {wanted}{own}"
         drives = named if verdict is not Verdict.PASSED else []
         self._case(step, verdict, begin, message, value=value, measured=shown, drives=drives)
+        # reading takes time: the next step begins now
+        yield self._now
 
     # -- cases
 

@@ -16,6 +16,12 @@ from hub_world import HubWorld
 from plain_station import controller_sends
 
 from pnfarm.api.paths.streams import Chosen
+from pnfarm.drives import catalogue
+from pnfarm.hub.log import HubEntry
+from pnfarm.hub.scenario import HubRun
+from pnfarm.scenario.definition.binding import bind_scenario
+from pnfarm.scenario.definition.file import parse_scenario
+from pnfarm.station.lateness import Lateness
 from pnfarm.station.visits import Caller
 
 SIGNALS = "devices/island-2/signals"
@@ -83,7 +89,7 @@ def test_a_device_that_two_shards_have_is_refused(world):
     assert_problem(world.get("devices/island-2"), 409, "claimed by s1:8702 and s2:8702")
 
 
-def carried_out(world, text):
+def carried_out(world, text, meanwhile=lambda: None):
     async def run():
         transport = httpx.ASGITransport(world.app)
         async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
@@ -92,6 +98,7 @@ def carried_out(world, text):
                 found = (await client.get(f"scenarios/{begun['id']}")).json()
                 if found["state"] == "ended":
                     break
+                meanwhile()
                 await asyncio.sleep(0.01)
             return found
 
@@ -138,6 +145,37 @@ steps:
     ]
     assert [island.signals.get("pressure") for island in world.islands] == [0, 1]
     assert not any(island.signals.forced for island in world.islands)
+
+
+def test_what_was_cut_short_on_a_shard_does_not_pass(world):
+    inner = world[2].inner
+
+    class CutShort(httpx.AsyncBaseTransport):
+        async def handle_async_request(self, request):
+            answer = await inner.handle_async_request(request)
+            text = (await answer.aread()).replace(b'"verdict":"passed"', b'"verdict":"not run"')
+            return httpx.Response(answer.status_code, content=text, headers={"content-type": "application/json"})
+
+    world[2].inner = CutShort()
+    found = carried_out(world, "scenario: s\nsteps:\n  - expect: {drive: all, that: not connected, for: 100ms}\n")
+    assert (found["verdict"], found["cases"][0]["verdict"]) == ("inconclusive", "inconclusive")
+
+
+@pytest.mark.parametrize("late_ns", [0, 90_000_000])
+def test_a_drive_that_a_late_shard_lost_is_known_until_it_is_back(world, late_ns):
+    """For its metrics; the timeline has the loss by the bus's own name."""
+    scenario = parse_scenario("scenario: s\nsteps:\n  - wait: 1s\n")
+    binding = bind_scenario(scenario, {"axis-01": catalogue.model("akd-profinet")}, {})
+    run = HubRun(binding, world.hub, None, 0)
+
+    def noted(at_ns, **data):
+        run._note(HubEntry(1, "a", 1, at_ns, {"drive": "axis-01", **data}))
+
+    noted(100, event="ar aborted", **Lateness(16_000_000, engine_ns=late_ns).as_dict())
+    assert [run._is_own_loss("axis-01", begin) for begin in (50, 200)] == [late_ns > 0] * 2
+    noted(150, event="state changed", before="S3", after="S4")
+    assert [run._is_own_loss("axis-01", begin) for begin in (50, 200)] == [late_ns > 0, False]
+    assert [entry["text"] for entry in run.record.as_dict()["timeline"]] == ["ar aborted", "state changed"]
 
 
 # -- real ones, with their controllers
