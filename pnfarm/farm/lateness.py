@@ -18,23 +18,23 @@ if TYPE_CHECKING:
 
 __all__ = ["StolenTime", "farm_budget_ns", "farm_lateness"]
 
-#: Budget of a farm without a connection: its drives are stepped at least this often.
-IDLE_BUDGET_NS = 4_000_000
+#: Budget of a farm that never had a connection: what a controller waits for at a start-up is ten times as long.
+IDLE_BUDGET_NS = 50_000_000
 #: Late ticks count together within so many budgets: a budget is about half a data hold time.
 TOGETHER = 4
 #: Field of the line ``cpu`` in /proc/stat that counts stolen time (proc(5)).
 STEAL = 8
 
 
-def farm_budget_ns(core: FarmCore, drive: str | None = None) -> int:
+def farm_budget_ns(core: FarmCore, drive: str | None = None, idle_ns: int = IDLE_BUDGET_NS) -> int:
     """How late the farm may be, ns: the smallest budget of the open connections, of ``drive`` or of all.
 
-    Raises :class:`~pnfarm.errors.ConfigError` for an unknown drive.
+    Without one it is ``idle_ns``.  Raises :class:`~pnfarm.errors.ConfigError` for an unknown drive.
     """
     stations = core.stations if drive is None else [core.station(drive)]
     views = (station.device.connection() for station in stations)
     budgets = (budget_ns(view.cycle_ns, view.watchdog_ns) for view in views if view is not None and view.cyclic)
-    return min(budgets, default=IDLE_BUDGET_NS)
+    return min(budgets, default=idle_ns)
 
 
 def farm_lateness(

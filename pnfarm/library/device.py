@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.wait import NotInTime
+from pnfarm.farm.wait import NotInTime, require_in_time
 from pnfarm.library.arguments import duration_ns
 from pnfarm.library.device_readings import DeviceReadings
 
@@ -51,7 +51,7 @@ class Device(DeviceReadings):
         began = self._passing.now()
         if not await self._passing.wait(holds, within_ns):
             raise NotInTime(f"{name} did not become {value!r} within {within_ns / 1e9:g} s: {self.in_words(name)}")
-        return (self._passing.now() - began) / 1e9
+        return require_in_time(name, self._passing.now() - began, within_ns)
 
     def _changed(self) -> None:
         self._passing.core.settle(self._station, self._passing.now())

@@ -13,7 +13,7 @@ from pnfarm.farm.file.reading import load_farm, parse_farm
 from pnfarm.farm.injection_fields import fields_of
 from pnfarm.farm.shard import parse_shard
 from pnfarm.farm.tracing import FarmTrace, trace_fields
-from pnfarm.farm.wait import NotInTime
+from pnfarm.farm.wait import NotInTime, require_in_time
 from pnfarm.library.arguments import duration_ns
 from pnfarm.library.device import Device
 from pnfarm.library.drive import Drive
@@ -130,7 +130,7 @@ class Farm(FarmFace[Drive, Device]):
         within_ns, began = duration_ns(within, "within"), self._passing.now()
         if not await self._passing.wait(lambda: bool(holds()), within_ns):
             raise NotInTime(f"{what} did not hold within {within_ns / 1e9:g} s: {first_drives(self.drives)}")
-        return (self._passing.now() - began) / 1e9
+        return require_in_time(what, self._passing.now() - began, within_ns)
 
     # -- faults, traces, scenarios
 

@@ -9,7 +9,7 @@ import anyio
 
 from pnfarm.config.device import read_place
 from pnfarm.farm.views.stations import json_value
-from pnfarm.farm.wait import NotInTime
+from pnfarm.farm.wait import NotInTime, require_in_time
 from pnfarm.library.arguments import duration_ns
 from pnfarm.library.device_readings import read_back
 from pnfarm.signals.layers import EVERY
@@ -106,7 +106,7 @@ class RemoteDevice:
             present = signal.taken(found)
             took = asyncio.get_running_loop().time() - began
             if value(present) if callable(value) else present == wanted:
-                return took
+                return require_in_time(name, took * 1e9, within_ns)
             if took * 1e9 >= within_ns:
                 now = f"{signal.show(present)}{f' {signal.unit}' if signal.unit else ''}"
                 raise NotInTime(

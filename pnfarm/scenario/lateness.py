@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.lateness import TOGETHER, farm_budget_ns, farm_lateness
+from pnfarm.farm.lateness import IDLE_BUDGET_NS, TOGETHER, farm_budget_ns, farm_lateness
 from pnfarm.vocabulary.durations import format_duration
 
 if TYPE_CHECKING:
@@ -76,6 +76,7 @@ class FarmLateness:
     def __init__(self, core: FarmCore, budget_ns: int | None, now: int) -> None:
         self._core = core
         self._given_ns = budget_ns
+        self._known_ns = IDLE_BUDGET_NS
         self._began_ns = self._step_ns = self._looked_ns = now
         self._last_budget_ns = self.budget_ns
         self._by_ratio = _Largest(lambda kept: kept.ratio)
@@ -140,8 +141,11 @@ class FarmLateness:
 
     @property
     def budget_ns(self) -> int:
-        """How late it may be now."""
-        return farm_budget_ns(self._core) if self._given_ns is None else self._given_ns
+        """How late it may be now, by the connections that are open, or were last."""
+        if self._given_ns is None:
+            self._known_ns = farm_budget_ns(self._core, idle_ns=self._known_ns)
+            return self._known_ns
+        return self._given_ns
 
     @property
     def told(self) -> str:

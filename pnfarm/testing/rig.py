@@ -13,7 +13,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.errors import ConfigError
-from pnfarm.farm.wait import NotInTime
+from pnfarm.farm.wait import NotInTime, require_in_time
 from pnfarm.library import Farm, RemoteFarm
 from pnfarm.library.arguments import duration_ns
 from pnfarm.library.reading import Reading
@@ -125,13 +125,12 @@ class Rig(BlockingFace["RigDrive"]):
 
         It is called in the test's own thread, each millisecond.
         """
-        end = time.monotonic_ns() + duration_ns(within, "within")
-        began = time.monotonic()
+        within_ns, began = duration_ns(within, "within"), time.monotonic_ns()
         while not condition():
-            if time.monotonic_ns() >= end:
+            if time.monotonic_ns() - began >= within_ns:
                 raise NotInTime(f"{what} did not hold within {within:g} s: {self._farm!r}")
             self.run(0.001)
-        return time.monotonic() - began
+        return require_in_time(what, time.monotonic_ns() - began, within_ns)
 
     def wait_connected(self, within: float = 20.0) -> float:
         """Until every drive and every device exchanges data with its controller."""

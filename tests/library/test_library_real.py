@@ -19,6 +19,7 @@ from pnfarm.farm.capture import CaptureSettings
 from pnfarm.farm.farm import Farm as RealFarm
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.memory_link import MOST_BEHIND_NS
+from pnfarm.farm.wait import require_in_time
 from pnfarm.station.event_log import EventLog
 from pnfarm.testing import Rig
 
@@ -50,6 +51,15 @@ async def served(text=FILE):
         host, port = await tasks.start(serve_farm, farm)
         yield f"http://{host}:{port}"
         tasks.cancel_scope.cancel()
+
+
+@pytest.mark.parametrize(("took_ms", "is_late"), [(110, False), (130, True)])
+def test_what_a_wait_sees_long_behind_its_time_was_not_in_time(took_ms, is_late):
+    if is_late:
+        with pytest.raises(pnfarm.NotInTime, match=r"the valve was seen after 0\.130 s, and not within 0\.1 s"):
+            require_in_time("the valve", took_ms * 1e6, 100_000_000)
+    else:
+        assert require_in_time("the valve", took_ms * 1e6, 100_000_000) == pytest.approx(0.11)
 
 
 def test_a_farm_in_memory_runs_in_real_time_with_its_controller_and_without_rights():
@@ -160,6 +170,8 @@ def test_a_running_farm_is_reached_by_its_api_with_the_same_names():
             assert fault.evidence.activations == 1
             assert fault.drives == ("axis-01",)
             await axis.wait_for("state == S4 and fault == 0", within=5)
+            # as a test does for each of its drives
+            await asyncio.gather(*(axis.wait_for("state == S4", within=5) for _ in range(8)))
             assert axis.state == "S4"
             assert axis.last_fault == 702
             assert axis.zsw1.operation_enabled

@@ -141,7 +141,7 @@ class Record:
             # a run of days checks all drives again and again
             self._values -= len(case.values)
             self._values_left_out += bool(case.values)
-            case.values, case.shown = {}, {}
+            case.values, case.shown, case.took = {}, {}, {}
         self.cases.append(case)
 
     def step(self, step: Step, now: int) -> None:
