@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from pnfarm.errors import InternalError
-from pnfarm.vocabulary.durations import read_duration
+from pnfarm.vocabulary.durations import format_duration, read_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.vocabulary.samples import SAMPLES, read_samples
@@ -91,7 +91,9 @@ class ParamSpec:
             case "yes or no":
                 return "true or false"
             case "duration":
-                return "a duration such as 500ms or 2s"
+                low = "" if not self.low else f" from {format_duration(int(self.low))}"
+                high = "" if self.high is None else f" to {format_duration(int(self.high))}"
+                return f"a duration{low}{high}{',' if low or high else ''} such as 500ms or 2s"
             case "word":
                 return ", ".join(self.words)
             case "mac":
@@ -121,7 +123,10 @@ class ParamSpec:
                     raise Problem(f"is {shown(value)}", self.allowed)
                 return value
             case "duration":
-                return read_duration(value)
+                duration = read_duration(value)
+                if duration < (self.low or 0) or (self.high is not None and duration > self.high):
+                    raise Problem(f"is {shown(value)}", self.allowed)
+                return duration
             case "word":
                 if value not in self.words:
                     hint = did_you_mean(value, self.words) if isinstance(value, str) else ""

@@ -340,6 +340,8 @@ class InjectionManager:
                 run.stop_ns = window.stop_ns
                 run.busy = True
                 run.effect.window = window
+                # a drive without a fault may have booted unseen
+                run.injected.refresh(now)
                 run.effect.begin(now)
                 run.busy = False
                 self._transit(injection, run, RunEvent.DUE, now)

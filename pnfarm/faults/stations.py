@@ -42,7 +42,7 @@ def injected_station(
     def names() -> tuple[str, ...]:
         return (name,) if bus_name is None else (name, bus_name())
 
-    own = [(axis, {SERVO: Servo(axis, supply), **of_axis(axis)}) for axis in station.axes]
+    own = [(axis, {SERVO: Servo(axis), **of_axis(axis)}) for axis in station.axes]
     named = any(axis.configured_name != name for axis in station.axes)
     alone: Parts = own[0][1] if own and not named else {}
     if station.signals is not None:
@@ -52,7 +52,6 @@ def injected_station(
     if named:
         for axis, axis_parts in own:
             drives.append(node.with_axis(axis.configured_name, axis_parts))
-    # behind what the servos send themselves
     for drive in drives:
         supply.returned.append(drive.refresh)
     return drives

@@ -153,6 +153,18 @@ def test_several_warnings_are_shown_together_and_all_are_back_after_a_power_cycl
     assert [store.get(f"DRV.WARNING{n}") for n in (1, 2, 3)] == [108, 0, 0]
 
 
+def test_a_warning_is_back_after_a_boot_that_no_fault_made(line):
+    store = line.farm.axes[0].store
+    line.add("drive-warning", params={"warning": 107})
+    line.run(0.1)
+    line.farm.axes[0].station.power_cycle(line.world.now)
+    line.run(1.0)
+    assert store.get("DRV.WARNING1") == 107
+    line.clear()
+    line.run(0.1)
+    assert store.get("DRV.WARNING1") == 0
+
+
 def test_a_fault_that_the_model_does_not_have_is_refused_and_nothing_happens(line):
     with pytest.raises(ConfigError, match=r"axis-01: kollmorgen-akd-profinet has no fault '9999'|has no fault"):
         line.add("drive-fault", params={"fault": 9999})
@@ -174,6 +186,18 @@ def test_a_power_cycle_boots_the_drive_and_the_controller_finds_it_again(line):
     assert fault.state == "ended"
     line.enable()
     assert line.events("axis-01").count("power off") == 1
+
+
+def test_a_power_cycle_leaves_a_drive_off_that_a_user_has_switched_off(line):
+    station = line.farm.axes[0].station
+    station.power_off(line.world.now)
+    fault = line.add("power-cycle", params={"off": "200ms"})
+    line.run(1.0)
+    assert not station.powered
+    assert fault.state == "ended"
+    assert (fault.evidence().activations, fault.evidence().confirmed) == (0, False)
+    station.power_on(line.world.now)
+    line.enable()
 
 
 def test_a_power_cycle_that_is_cleared_switches_on_at_once(line):

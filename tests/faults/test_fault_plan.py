@@ -67,6 +67,8 @@ def test_every_wrong_field_is_reported_with_what_is_allowed():
         ({"kind": "f702", "probability": 0.5}, "fault.probability: means nothing for f702"),
         ({"kind": "f702", "count": 2, "for": "1s"}, "fault.count: does not go with"),
         ({"kind": "link-flap", "params": {"period": "1s", "down": "2s"}}, "fault.params.down: is '2s'"),
+        ({"kind": "link-flap", "params": {"period": "1s", "down": "999.5ms"}}, "fault.params.down: is '999.5ms'"),
+        ({"kind": "link-flap", "params": {"period": "2ns"}}, "fault.params.period: is '2ns'; allowed: a duration from"),
         ({"kind": "connect-refuse", "params": {"code1": 256}}, "fault.params.code1: is 256"),
         ({"kind": "record-error", "params": {"code": "module-falure"}}, "did you mean module-failure?"),
         ({"kind": "loss", "count": 1 << 63}, "fault.count: is 9223372036854775808; allowed: a whole number from 1 to"),

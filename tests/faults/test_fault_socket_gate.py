@@ -123,6 +123,31 @@ def test_delays_add_up_keep_the_order_and_are_told(bench):
     assert (slow.sent, slower.sent) == ([True], [True])
 
 
+@pytest.mark.parametrize("first", ["delay", "rule"])
+def test_what_a_delay_and_a_rule_hold_goes_on_when_both_are_gone(bench, first):
+    delay = DelayRule(EVERY_FRAME, Late(3_600_000_000_000))
+    rule = GateRule(["out"], EVERY_FRAME, probability=1.0, shape=Shape(1, delay_ns=100_000_000))
+    bench.gate.add(PORT, rule)
+    bench.gate.delay(PORT, delay)
+    bench.goes(b"one", 0)
+    ends = [lambda: bench.gate.undelay(PORT, delay), lambda: bench.gate.remove(PORT, rule)]
+    for end in ends if first == "delay" else reversed(ends):
+        end()
+    bench.gate.handle_timeout(1)
+    assert bench.acted == [StreamData(1, b"one")]
+    assert bench.gate.in_force(PORT) == []
+
+
+def test_what_a_delay_holds_goes_on_when_it_ends_beside_another(bench):
+    long, short = DelayRule(EVERY_FRAME, Late(3_600_000_000_000)), DelayRule(EVERY_FRAME, Late(0))
+    bench.gate.delay(PORT, long)
+    bench.gate.delay(PORT, short)
+    bench.goes(b"one", 0)
+    bench.gate.undelay(PORT, long)
+    bench.gate.handle_timeout(1)
+    assert bench.acted == [StreamData(1, b"one")]
+
+
 def test_a_close_waits_behind_what_was_sent_before_it(bench):
     rule = DelayRule(EVERY_FRAME, Late(50))
     bench.gate.delay(PORT, rule)

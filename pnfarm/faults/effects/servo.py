@@ -29,7 +29,6 @@ from pnfarm.table.axis_codes import (
 
 if TYPE_CHECKING:
     from pnfarm.drives.description.parts import Fault
-    from pnfarm.faults.effects.supply import Supply
     from pnfarm.station.axis import Axis
 
 __all__ = ["SERVO", "Servo"]
@@ -48,10 +47,8 @@ class Servo(DrivePart):
     def __init__(
         self,
         station: Axis,
-        supply: Supply,
     ) -> None:
         self._station = station
-        supply.returned.append(self._supply_returned)
         self._held: Counter[int] = Counter()
         self._warnings: list[Fault] = []
         self._commands: list[tuple[int, int]] = []
@@ -82,7 +79,7 @@ class Servo(DrivePart):
         """Whether the control supply is on."""
         return self._station.powered
 
-    def _supply_returned(self, now: int) -> None:
+    def rebooted(self, now: int) -> None:
         del now
         for fault in self._warnings:
             self._command(CMD_RAISE_WARNING, fault.number)

@@ -27,6 +27,7 @@ class Supply(DrivePart):
         self._goes_off = goes_off
         self.returned: list[Callable[[int], None]] = []
         self._off = 0
+        self._was_on = True
 
     def in_force(self) -> list[Any]:
         return ["power off"] * self._off
@@ -39,6 +40,8 @@ class Supply(DrivePart):
     def power_off(self, now: int) -> None:
         """Off until every caller that switched off has switched on."""
         self._off += 1
+        if self._off == 1:
+            self._was_on = self._station.powered
         if self._station.powered:
             self._goes_off()
             self._station.power_off(now)
@@ -47,7 +50,8 @@ class Supply(DrivePart):
     def power_on(self, now: int) -> None:
         """Undo one :meth:`power_off`."""
         self._off -= 1
-        if self._off == 0 and not self._station.powered:
+        # one that a user had switched off before stays so
+        if self._off == 0 and self._was_on and not self._station.powered:
             self._station.power_on(now)
             for back in self.returned:
                 back(now)

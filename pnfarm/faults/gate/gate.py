@@ -76,7 +76,7 @@ class DelayRule:
     late: LateRule
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Held:
     due_ns: int
     frame: bytes
@@ -322,11 +322,20 @@ class GatedLink(LinkWrapper):
         self._delays[port] = [*self._delays.get(port, ()), rule]
 
     def undelay(self, port: int, rule: DelayRule) -> None:
-        """Remove a rule; after the last one, frames held back leave at once."""
+        """Remove a rule; frames that no other one holds back leave at once, but for those behind one that stays."""
         _remove(self._delays, port, rule)
-        if port not in self._delays:
-            for held in self._held.pop(port, ()):
+        standing = {other.late for other in self._delays.get(port, ())}
+        staying: deque[_Held] = deque()
+        for held in self._held.pop(port, ()):
+            if not standing.isdisjoint(held.rules):
+                staying.append(held)
+            elif staying:
+                held.due_ns = staying[-1].due_ns
+                staying.append(held)
+            else:
                 self._release(port, held)
+        if staying:
+            self._held[port] = staying
 
     def forget(self, port: int) -> None:
         """Drop what is held back: its sender has lost its supply."""

@@ -95,6 +95,13 @@ class _Port:
     datagrams: list[tuple[Direction, _Item]] = field(default_factory=list)
     octets: int = 0
 
+    def free(self, items: Iterable[_Item]) -> None:
+        """Let those of them go on that no rule holds back any more."""
+        standing = {rule.late for rule in self.delays}
+        for item in items:
+            if not item.rules and standing.isdisjoint(item.late):
+                item.due = 0
+
     def waiting(self) -> Iterable[_Item]:
         for stream in self.streams.values():
             for lane in stream.lanes.values():
@@ -140,25 +147,21 @@ class SocketGate:
         known.rules = [other for other in known.rules if other is not rule]
         for stream in known.streams.values():
             stream.hitting.pop(rule, None)
-        for item in known.waiting():
-            if rule in item.rules:
-                item.rules.discard(rule)
-                rule.waiting -= 1
-                if not item.rules and not item.late:
-                    item.due = 0
+        held = [item for item in known.waiting() if rule in item.rules]
+        for item in held:
+            item.rules.discard(rule)
+            rule.waiting -= 1
+        known.free(held)
 
     def delay(self, port: int, rule: DelayRule) -> None:
         """Let ``rule`` hold back what the drive sends."""
         self._port(port).delays.append(rule)
 
     def undelay(self, port: int, rule: DelayRule) -> None:
-        """Remove it; after the last one, what is held back goes on with the next :meth:`handle_timeout`."""
+        """Remove it; what no other rule holds back goes on with the next :meth:`handle_timeout`."""
         known = self._port(port)
         known.delays = [other for other in known.delays if other is not rule]
-        if not known.delays:
-            for item in known.waiting():
-                if item.late and not item.rules:
-                    item.due = 0
+        known.free([item for item in known.waiting() if rule.late in item.late])
 
     def refuse(self, port: int, *, on: bool) -> None:
         """Let the port refuse new streams until every caller that asked for it has withdrawn."""

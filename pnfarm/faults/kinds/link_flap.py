@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 __all__ = ["KIND"]
 
+#: The cable is out, and in, for no shorter time.
+SHORTEST_NS = 1_000_000
+
 
 class LinkFlap(CableEffect):
     """Out for ``down`` of each ``period``."""
@@ -39,7 +42,7 @@ class LinkFlap(CableEffect):
 
 
 def _misfits(spec: InjectionFields) -> Misfits:
-    """Down for less than the period, and neither of them zero."""
+    """Down for less than the period."""
     if {"period", "down"}.isdisjoint(spec.params):
         return
     try:
@@ -47,11 +50,8 @@ def _misfits(spec: InjectionFields) -> Misfits:
     except Problem:
         # the parameter's own error is already reported
         return
-    if period < 2:
-        yield "params.period", Problem(f"is {shown(spec.params['period'])}", "a duration above zero")
-    elif down is not None and not 0 < down < period:
-        what = f"is {shown(spec.params['down'])}"
-        yield "params.down", Problem(what, "a duration above zero and shorter than the period")
+    if down is not None and down > period - SHORTEST_NS:
+        yield "params.down", Problem(f"is {shown(spec.params['down'])}", "1ms shorter than the period, or more")
 
 
 KIND = InjectionKind(
@@ -61,8 +61,10 @@ KIND = InjectionKind(
     "pulling the cable",
     LinkFlap,
     {
-        "period": ParamSpec("duration", "From one pull to the next.", default="1s"),
-        "down": ParamSpec("duration", "How long the cable is out each time; left out, half the period.", default=None),
+        "period": ParamSpec("duration", "From one pull to the next.", default="1s", low=10 * SHORTEST_NS),
+        "down": ParamSpec(
+            "duration", "How long the cable is out each time; left out, half the period.", default=None, low=SHORTEST_NS
+        ),
     },
     takes=frozenset({"count", "for"}),
     misfits=_misfits,

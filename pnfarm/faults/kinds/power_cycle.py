@@ -17,18 +17,21 @@ class PowerCycle(Effect):
     connection = CONNECTION
     ends_by_itself = True
     _off = False
+    _was_on = True
 
     def begin(self, now: int) -> None:
+        self._was_on = self.supply.powered
         self.supply.power_off(now)
         self._off = True
-        self.tally.note(now, confirmed=not self.supply.powered)
+        self.tally.note(now, happened=self._was_on, confirmed=self._was_on and not self.supply.powered)
         self._due = now + self.values["off"]
 
     def check(self, now: int) -> None:
         if self._off:
             if self._due is not None and now >= self._due:
                 self.end(now)
-                self.finished = self.tally.seen.activations >= (self.spec.count or 1)
+                # of one that was off there is nothing to interrupt
+                self.finished = not self._was_on or self.tally.seen.activations >= (self.spec.count or 1)
             return
         connection = self.connection.now()
         if not self.finished and connection is not None and connection.established:

@@ -146,6 +146,40 @@ def test_fewer_missing_answers_than_repetitions_cost_nothing(farm, count):
     assert bench.turns()
 
 
+def test_a_fault_begins_behind_so_many_cycles_of_healthy_answers(farm):
+    bench = Bench(farm, keys="retries: 3")
+    polls = bench.station.polls
+    fault = bench.inject("drop-cycles", after_cycles=50, count=1)
+    assert bench.line.wait_until(lambda: fault.evidence().activations == 1, 2.0)
+    assert 49 <= bench.station.polls - polls <= 53
+    assert fault.evidence().checks == 51
+
+
+def test_an_acyclic_answer_that_is_delayed_once_is_late_before_the_fault_ends(farm):
+    bench = Bench(farm)
+    fault = bench.inject("delay", direction="out", count=1, params={"frames": "acyclic", "delay": "30ms"})
+    bench.inject("diagnosis-request")
+    assert bench.line.wait_until(lambda: fault.evidence().activations == 1, 2.0)
+    bench.line.run(0.02)
+    assert fault.state == "active"
+    assert bench.line.wait_until(lambda: fault.state == "ended", 1.0)
+    assert fault.evidence().confirmed
+
+
+def test_noise_of_a_slave_without_supply_neither_counts_nor_waits(bench):
+    fault = bench.inject("line-noise", params={"every": "1ms", "octets": 200})
+    bench.line.run(0.1)
+    seen = fault.evidence().activations
+    assert seen > 50
+    bench.core.axis(bench.name).station.power_off(bench.line.now_ns)
+    bench.line.run(2.0)
+    assert fault.evidence().activations - seen <= 1
+    assert bench.device._answers == []
+    bench.core.axis(bench.name).station.power_on(bench.line.now_ns)
+    bench.clear(3.0)
+    assert bench.turns()
+
+
 @pytest.mark.parametrize("what", ["loop", "lines"])
 @pytest.mark.parametrize(("late_ns", "cause"), [(0, "controller"), (20_000_000, "farm")])
 def test_a_slave_that_its_master_starts_anew_behind_a_late_answer_is_the_farms_own_loss(farm, late_ns, cause, what):

@@ -98,6 +98,11 @@ class SlavePart(DrivePart):
         """How often the slave reported to a master that something does not fit, since power-on."""
         return self._device.slave.refusals
 
+    @property
+    def is_on_line(self) -> bool:
+        """Whether it can send."""
+        return self._device.station.on_the_wire
+
     def noise(self, octets: bytes, now: int) -> None:
         """Octets of the slave that are no telegram."""
         self._device.put_on_line(octets)

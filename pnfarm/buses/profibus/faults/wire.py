@@ -31,7 +31,15 @@ class _OnLine:
     def __init__(self, rule: GateRule, classes: FrameClasses) -> None:
         self._rule = rule
         self.classes = classes
-        self.waiting = 0
+
+    @property
+    def waiting(self) -> int:
+        """Telegrams that wait, which the gate counts here."""
+        return self._rule.waiting
+
+    @waiting.setter
+    def waiting(self, waiting: int) -> None:
+        self._rule.waiting = waiting
 
     @property
     def shape(self) -> Shape | None:
@@ -85,7 +93,10 @@ class _OnCyclic(_OnLine):
         self._one = one
 
     def loses(self, direction: Direction, frame_class: str, now: int) -> bool:
-        return frame_class == CYCLIC and self._one.armed(now) and super().loses(direction, frame_class, now)
+        # a cycle has a telegram of either direction
+        if frame_class != CYCLIC or direction not in self._one.rule.directions:
+            return False
+        return self._one.armed(now) and super().loses(direction, frame_class, now)
 
 
 def _share(threshold: float) -> float:

@@ -137,6 +137,17 @@ def test_another_identity_fails_the_key_of_the_right_product_and_is_undone(rig):
     assert isinstance(rig.peer.open(path=emit_epath([own]) + io_path()), ConnectionMade)
 
 
+def test_an_identity_is_undone_on_a_drive_that_booted_while_it_had_no_fault(rig):
+    rig.station().station.power_cycle(rig.world.now)
+    rig.peer.run(1.0)
+    rig.peer.connect()
+    rig.add("identity-change", params={"vendor": 1})
+    rig.peer.run(0.5)
+    assert rig.peer.get(IDENTITY, 1, 1).data == b"\1\0"
+    rig.clear()
+    assert rig.peer.get(IDENTITY, 1, 1).data == (452).to_bytes(2, "little")
+
+
 def test_two_changes_of_the_identity_end_in_any_order(rig):
     first = rig.add("identity-change", params={"vendor": 1})
     rig.add("identity-change", params={"vendor": 2, "serial": 5})

@@ -25,7 +25,8 @@ class LineNoise(ChanceEffect):
         if self._due is None or now < self._due:
             return
         self._due = now + self.values["every"]
-        if self.occurs(now):
+        # one without supply sends nothing
+        if self.slave.is_on_line and self.occurs(now):
             self._number += 1
             seed = f"{seed_of(self.spec, self.drive.name)}/{self._number}".encode()
             self.slave.noise(hashlib.shake_128(seed).digest(self.values["octets"]), now)
