@@ -129,6 +129,28 @@ def test_a_shard_that_is_away_is_told_by_each_change(world):
     assert world.get("faults").json() == {"faults": [], "partial": False, "unreachable": []}
 
 
+def test_a_fault_whose_answer_was_lost_is_not_ended_before_its_shard_was_heard(world):
+    inner, silent = world[2].inner, [True]
+
+    class AnswersLost(httpx.AsyncBaseTransport):
+        async def handle_async_request(self, request):
+            answer = await inner.handle_async_request(request)
+            if silent[0] and "/faults" in request.url.path and "dry_run" not in str(request.url):
+                raise httpx.ReadTimeout("lost")
+            return answer
+
+    world[2].inner = AnswersLost()
+    begun = world.post("faults", {"kind": "not-ready", "on": "all", "as": "held"})
+    assert (begun.status_code, {one["shard"] for one in begun.json()["not_hit"]}) == (207, {"s2:8702"})
+    assert [one.id for one in world[2].farm.injections.list()] == ["held"]
+    # its answer is lost again
+    assert world.request("DELETE", "faults/held").status_code == 207
+    silent[0] = False
+    world.post("faults", {"kind": "not-ready", "on": "pump-01", "as": "held-2"})
+    assert world.request("DELETE", "faults/held").status_code == 200
+    assert [one.id for one in world[2].farm.injections.list() if one.state.value != "ended"] == ["held-2"]
+
+
 def test_a_request_that_comes_after_the_moment_does_nothing_there(world):
     """As one that waited in a machine that was stopped, and goes on."""
     world[2].trips = (9_000_000_000, 500_000)

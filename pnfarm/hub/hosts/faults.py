@@ -43,6 +43,9 @@ MOST_LEAD_NS = 4_000_000_000
 SETTLE_SECONDS = 0.005
 #: Ids that a farm makes up itself.
 _OWN = re.compile(r"fault-[0-9]+")
+#: Behind these a request may have been carried out; of so many faults that is remembered.
+_UNSURE = frozenset({"timeout", "broken", "garbage"})
+MOST_UNSURE = 4096
 _REFUSED = (HTTPStatus.BAD_REQUEST, HTTPStatus.INTERNAL_SERVER_ERROR)
 
 
@@ -61,6 +64,8 @@ class HubFaults:
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
+        #: Shards that may have carried a request out whose answer was lost, by the fault.
+        self._unsure: dict[str, set[Shard]] = {}
 
     # -- which drives
 
@@ -129,7 +134,8 @@ class HubFaults:
             if not dry_run:
                 # a fault is on all of its drives, or on none
                 path = f"faults/{quote(str(plan.spec.name), safe='')}"
-                await self._hub.each(answers.good, lambda shard: self._hub.ask(shard, "DELETE", path))
+                hit = [*answers.good, *(shard for shard, why in answers.away.items() if why.slug in _UNSURE)]
+                await self._hub.each(hit, lambda shard: self._hub.ask(shard, "DELETE", path))
             raise RefusedError(refused[0])
         return answers
 
@@ -164,6 +170,10 @@ class HubFaults:
         ]
         for shard, answer in answers.good.items():
             shard.faults[name] = answer
+        if unsure := {shard for shard, why in answers.away.items() if why.slug in _UNSURE}:
+            self._unsure[name] = unsure
+            if len(self._unsure) > MOST_UNSURE:
+                del self._unsure[next(iter(self._unsure))]
         if not answers.good:
             raise AwayError(f"no drive was hit: {not_hit[0]['why']}")
         # the answer shows it in force, as a farm's does
@@ -203,7 +213,7 @@ class HubFaults:
         return await self._each(fault_id, "DELETE", "")
 
     async def _each(self, fault_id: str, method: str, suffix: str) -> Outcome:
-        own, shards = await self._members(fault_id)
+        own, shards, unheard = await self._members(fault_id)
         path = f"faults/{quote(own, safe='')}{suffix}"
         answers = await self._hub.each(shards, lambda shard: self._hub.ask(shard, method, path))
         refused = [answer for answer in answers.good.values() if not answer.good]
@@ -215,7 +225,7 @@ class HubFaults:
                 raise RefusedError(refused[0])
             raise next(iter(answers.away.values()), AwayError(f"no shard that has {fault_id} answers"))
         # of a shard where it had ended already there is nothing to end
-        left = answers.away or any(answer.status != HTTPStatus.NOT_FOUND for answer in refused)
+        left = unheard or answers.away or any(answer.status != HTTPStatus.NOT_FOUND for answer in refused)
         return self._joined(fault_id), not left
 
     async def reset(self) -> Outcome:
@@ -261,8 +271,8 @@ class HubFaults:
         await self._members(fault_id)
         return self._joined(fault_id)
 
-    async def _members(self, fault_id: str) -> tuple[str, list[Shard]]:
-        """Its id on the shards, and those that have it."""
+    async def _members(self, fault_id: str) -> tuple[str, list[Shard], list[Shard]]:
+        """Its id on the shards, those that have it, and those that may have it and do not answer."""
         hub = self._hub
         hub.check_any()
         no_steps(fault_id)
@@ -276,17 +286,20 @@ class HubFaults:
             if _OWN.fullmatch(fault_id):
                 allowed = f"{fault_id}@HOST:PORT with the shard, as `pnfarm fault list` shows it"
                 raise NotFoundError(f"{fault_id!r} is the name that a shard gave itself; give {allowed}")
-        missing = await self._look(own, [shard for shard in shards if shard.asked])
+        silent = await self._look(own, [shard for shard in shards if shard.asked])
         known = [shard for shard in shards if own in shard.faults]
+        silent |= {shard: shard.away() for shard in hub.shards.unreachable}
         if not known:
-            missing += [str(shard.away()) for shard in hub.shards.unreachable]
-            if missing:
-                raise AwayError(f"no shard that answers has a fault {fault_id!r}; not known is the rest: {missing[0]}")
+            if silent:
+                why = next(iter(silent.values()))
+                raise AwayError(f"no shard that answers has a fault {fault_id!r}; not known is the rest: {why}")
             raise NotFoundError(f"there is no injection {fault_id!r}; `pnfarm fault list` lists them")
-        return own, known
+        # of one that has not answered since this hub began nothing is known
+        unsure = self._unsure.get(own, set()) | {shard for shard in shards if not shard.instance}
+        return own, known, [shard for shard in silent if shard in unsure and shard not in known]
 
-    async def _look(self, own: str, shards: Iterable[Shard]) -> list[str]:
-        """Ask these shards for a fault; why any of them could not tell."""
+    async def _look(self, own: str, shards: Iterable[Shard]) -> dict[Shard, AwayError]:
+        """Ask these shards for a fault; why any of them gave no answer."""
 
         async def one(shard: Shard) -> None:
             answer = await self._hub.ask(shard, "GET", f"faults/{quote(own, safe='')}")
@@ -295,7 +308,7 @@ class HubFaults:
                 return
             shard.faults[own] = _fault(shard, answer)
 
-        return [str(why) for why in (await self._hub.each(shards, one)).away.values()]
+        return dict((await self._hub.each(shards, one)).away)
 
     def _id(self, shard: Shard, own: str) -> str:
         return f"{own}@{shard.label}" if _OWN.fullmatch(own) else own
