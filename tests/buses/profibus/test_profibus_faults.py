@@ -258,6 +258,25 @@ def test_an_answer_to_a_parameter_request_takes_as_long_as_is_asked_for(bench):
     assert job.ok
 
 
+def test_each_delay_counts_the_answers_that_it_held_and_ends_with_its_own(bench):
+    one = bench.inject("record-delay", count=1, params={"delay": "100ms"})
+    never = bench.inject("record-delay", count=1, probability=1e-9, seed=1, params={"delay": "100ms"})
+    job = bench.line._line.plc.read_parameter(bench.name, "P-0918", bench.line.now_ns)
+    assert bench.line.wait_until(lambda: job.done, 2.0)
+    bench.line.run(0.2)
+    assert (one.state, one.evidence().activations, one.evidence().confirmed) == ("ended", 1, True)
+    assert (never.state, never.evidence().activations, never.evidence().confirmed) == ("active", 0, False)
+
+
+def test_a_delay_of_one_answer_ends_though_the_drive_boots_meanwhile(bench):
+    fault = bench.inject("record-delay", count=1, params={"delay": "10s"})
+    bench.line._line.plc.read_parameter(bench.name, "P-0918", bench.line.now_ns)
+    bench.line.run(0.2)
+    assert fault.state == "active"
+    bench.core.axis(bench.name).station.power_cycle(bench.line.now_ns)
+    assert bench.line.wait_until(lambda: fault.state == "ended", 3.0)
+
+
 def test_a_cut_line_is_every_slave_at_once_and_all_come_back(farm):
     bench = Bench(farm)
     bench.core.injections.inject({"kind": "link-down", "on": "all", "for": "500ms"}, bench.line.now_ns)

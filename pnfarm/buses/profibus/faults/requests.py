@@ -55,9 +55,11 @@ class Records(ParameterAccess):
         self._late: InForce[LateRule] = InForce(self.apply)
         #: When the answer that is asked for may go, by nothing but its turn: there is one at a time for each client.
         self._until: int | None = None
+        #: Those that hold it back.
+        self._holding: list[LateRule] = []
 
     def rebooted(self, now: int) -> None:
-        self._until = None
+        self._answered(sent=False)
         super().rebooted(now)
 
     def in_force(self) -> list[Any]:
@@ -71,7 +73,9 @@ class Records(ParameterAccess):
 
     def stop_delay(self, rule: LateRule, now: int) -> None:
         self._late.take(rule)
-        if not self._late:
+        if rule in self._holding:
+            self._holding.remove(rule)
+        if not self._holding:
             self._until = None
         self._settle(now)
 
@@ -83,13 +87,18 @@ class Records(ParameterAccess):
 
     def _withheld(self, now: int) -> bool:
         if self._until is None:
-            late = sum(rule.asked(now) for rule in self._late)
-            if not late:
+            waits = [(rule, rule.asked(now)) for rule in self._late]
+            self._holding = [rule for rule, wait in waits if wait]
+            if not self._holding:
                 return False
-            self._until = now + late
+            self._until = now + sum(wait for _, wait in waits)
         if now < self._until:
             return True
-        self._until = None
-        for rule in self._late:
-            rule.left(sent=True)
+        self._answered(sent=True)
         return False
+
+    def _answered(self, *, sent: bool) -> None:
+        self._until = None
+        holding, self._holding = self._holding, []
+        for rule in holding:
+            rule.left(sent=sent)
