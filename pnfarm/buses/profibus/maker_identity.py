@@ -14,10 +14,9 @@ from pnfarm.buses.profibus.device.extended_diagnosis import extended_octets
 from pnfarm.buses.profibus.device.product import Product
 from pnfarm.buses.telegram_names import is_numbered, numbers_in
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profibus.gsd.diagnosis import HEAD_OCTETS
 from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profibus.gsd.values import PlugError, listed
-from pnfarm.protocols.profibus.wire.dp import parse_identifiers
+from pnfarm.protocols.profibus.wire.dp import HEAD_OCTETS, parse_identifiers
 
 if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model

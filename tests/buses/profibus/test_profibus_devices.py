@@ -331,6 +331,21 @@ def test_a_broken_wire_reads_as_zero_and_is_reported_for_its_channel(shared):
     cell.clear(0.1)
 
 
+def test_two_broken_wires_are_reported_together_and_each_ends_alone(shared):
+    cell = shared
+    cell.signals().set({"part_present": True})
+    first = cell.inject("wire-break", params={"signal": "part_present"})
+    second = cell.inject("wire-break", params={"signal": "slot1_in_0_0"})
+    cell.world.run(0.2)
+    assert cell.station().diagnosis.extended.hex(" ") == "42 01 80 43 26 80 40 26"
+    cell.farm.injections.clear(second.id, cell.world.now)
+    cell.world.run(0.2)
+    assert cell.station().diagnosis.extended.hex(" ") == "42 01 80 43 26"
+    cell.farm.injections.clear(first.id, cell.world.now)
+    cell.world.run(0.2)
+    assert cell.station().diagnosis.extended == b""
+
+
 @pytest.mark.parametrize("kind", ["drive-warning", "sto", "diagnosis", "module-missing", "reorder"])
 def test_a_fault_that_a_device_cannot_have_is_refused(shared, kind):
     with pytest.raises(InjectionError):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from pnfarm.buses.profibus.device.kind import Meddling
 from pnfarm.protocols.profibus.slave_user import RecordRefusedError
+from pnfarm.protocols.profibus.wire.dp import HEAD_OCTETS
 from pnfarm.protocols.profibus.wire.dpv1 import ErrorCode1
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ class DescribedUser(Meddling):
     ) -> None:
         super().__init__()
         self._plugged = described.plugged
+        self.most_further = described.plugged.gsd.most_diagnosis - HEAD_OCTETS
         self._slots = frozenset({0, *(module.slot for module in described.plugged.modules)})
         self._image, self._inputs, self._outputs = image, inputs, outputs
         self._strict = strict

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.protocols.profibus.slave_user import SlaveUser
+from pnfarm.protocols.profibus.wire.dp import HEAD_OCTETS, MOST_DIAGNOSIS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -35,6 +36,8 @@ class Meddling:
         #: Diagnosis that an injection adds: octets of a block, and whether data exchange makes no sense.
         self.further_diagnosis = b""
         self.static_diagnosis = False
+        #: Most octets of it.
+        self.most_further = MOST_DIAGNOSIS - HEAD_OCTETS
 
 
 class StationUser(SlaveUser, Protocol):
@@ -44,6 +47,7 @@ class StationUser(SlaveUser, Protocol):
     withhold: Callable[[int], bool] | None
     given: Callable[[], None]
     further_diagnosis: bytes
+    most_further: int
     static_diagnosis: bool
 
 

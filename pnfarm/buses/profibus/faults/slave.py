@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.errors import ConfigError
 from pnfarm.faults.effects.parts import DrivePart, Part
 from pnfarm.protocols.profibus.gsd.diagnosis import LINE_BREAK
+from pnfarm.protocols.profibus.wire.dp import join_diagnoses
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,7 +21,10 @@ __all__ = ["SLAVE", "SlavePart"]
 
 
 class SlavePart(DrivePart):
-    """Each setting is put in force by ``put`` and taken back by ``take_back``; the latest of a kind counts."""
+    """Each setting is put in force by ``put`` and taken back by ``take_back``; the latest of a kind counts.
+
+    Diagnoses count together.
+    """
 
     def __init__(self, device: ProfibusDevice, settle: Callable[[int], None]) -> None:
         self._device = device
@@ -63,7 +67,7 @@ class SlavePart(DrivePart):
         slave.refuse_configuration = bool(known["configuration"])
         if known["configuration"] and slave.exchanging:
             slave.leave(now)
-        diagnosis = known["diagnosis"][-1] if known["diagnosis"] else b""
+        diagnosis = join_diagnoses(known["diagnosis"], user.most_further)
         static = bool(known["static"])
         if (user.further_diagnosis, user.static_diagnosis) != (diagnosis, static):
             user.further_diagnosis, user.static_diagnosis = diagnosis, static

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd.values import listed
+from pnfarm.protocols.profibus.wire.dp import HEAD_OCTETS
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ _OUTPUT: Final = 0x80
 _BIT: Final = 0x20
 #: Numbers of modules and of channels have six bits.
 _HIGHEST: Final = 63
-#: Those that each diagnosis has.
-HEAD_OCTETS: Final = 6
 
 
 def diagnosis_blocks(slave: PluggedSlave, name: str, slot: int, channel: int) -> bytes:

@@ -3,6 +3,7 @@
 EN 50170 part 2, 8.3; the octets of DPV1 in Set_Prm: guideline 2.082.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Annotated, Final
@@ -12,15 +13,17 @@ from pnfarm.protocols.profibus.wire.sized import Sized
 from pnfarm.wire.layout import Fixed, Rest, UInt8, UInt16
 
 __all__ = [
-    "MOST_DIAGNOSIS", "NO_MASTER", "Control", "Diagnosis", "DiagnosisBlock", "DpState", "GlobalControl",
+    "HEAD_OCTETS", "MOST_DIAGNOSIS", "NO_MASTER", "Control", "Diagnosis", "DiagnosisBlock", "DpState", "GlobalControl",
     "Identifier", "Parameters", "PrmStatus", "SetAddress", "StationStatus", "V1Status1", "V1Status2", "V1Status3",
-    "parse_identifiers", "watchdog_factors",
+    "join_diagnoses", "parse_identifiers", "watchdog_factors",
 ]  # fmt: skip
 
 #: Master address of a slave that none has parametrised.
 NO_MASTER: Final = 0xFF
 #: Longest diagnosis.
 MOST_DIAGNOSIS: Final = 244
+#: Those that each diagnosis has.
+HEAD_OCTETS: Final = 6
 
 # -- Slave_Diag (8.3.1) -----------------------------------------------------------------------------------------------
 
@@ -74,16 +77,44 @@ class Diagnosis(Sized, sizes=range(6, MOST_DIAGNOSIS + 1), text="a diagnosis of 
 
     def blocks(self) -> list[DiagnosisBlock]:
         """The blocks of the extended part; what is cut off ends the list."""
-        found: list[DiagnosisBlock] = []
-        place = 0
-        while place < len(self.extended):
-            head = self.extended[place]
-            length = {2: 3, 3: 1}.get(head >> 6, head & 0x3F)
-            if length == 0 or place + length > len(self.extended):
-                break
-            found.append(DiagnosisBlock(self.extended[place : place + length]))
-            place += length
-        return found
+        return _blocks(self.extended)
+
+
+def _blocks(extended: bytes) -> list[DiagnosisBlock]:
+    found: list[DiagnosisBlock] = []
+    place = 0
+    while place < len(extended):
+        head = extended[place]
+        length = {2: 3, 3: 1}.get(head >> 6, head & 0x3F)
+        if length == 0 or place + length > len(extended):
+            break
+        found.append(DiagnosisBlock(extended[place : place + length]))
+        place += length
+    return found
+
+
+def join_diagnoses(several: Iterable[bytes], most: int) -> bytes:
+    """One extended part of several, oldest first: all bits of identifiers, every channel, the device's latest block.
+
+    What makes it longer than ``most`` octets is left out, the newest first.
+    """
+    device, identifiers, others = b"", b"", dict[bytes, None]()
+    for block in (block for extended in several for block in _blocks(extended)):
+        octets = block.octets
+        match block.kind:
+            case "device":
+                device = octets
+            case "identifier" if len(octets) == len(identifiers):
+                identifiers = octets[:1] + bytes(a | b for a, b in zip(identifiers[1:], octets[1:], strict=True))
+            case "identifier":
+                identifiers = max(identifiers, octets, key=len)
+            case _:
+                others[octets] = None
+    joined = b""
+    for octets in (device, identifiers, *others):
+        if len(joined) + len(octets) <= most:
+            joined += octets
+    return joined
 
 
 def diagnosis_octets(status: int, master: int, ident: int, extended: bytes) -> bytes:
