@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
@@ -102,17 +103,17 @@ class Drive(DriveReadings):
 
     async def power_off(self) -> None:
         """Switch its supply off: it leaves the network at once."""
-        await self._power(self._station.station.power_off)
+        await self._power(partial(self._station.station.switch, on=False))
 
     async def power_on(self) -> None:
         """Switch its supply on: it boots."""
-        await self._power(self._station.station.power_on)
+        await self._power(partial(self._station.station.switch, on=True))
 
     async def power_cycle(self) -> None:
         """Off and on."""
         await self._power(self._station.station.power_cycle)
 
-    async def _power(self, action: Callable[[int], None]) -> None:
+    async def _power(self, action: Callable[[int], object]) -> None:
         action(self._passing.now())
         self._changed()
         # readings are of before until the firmware has made a step: one may have begun, the next one sees the supply

@@ -114,6 +114,8 @@ class StationNode:
         self.latency = flaws.latency()
         #: Whether the control supply is on.
         self.powered = True
+        #: A user has switched it off: what else held it off does not switch it on.
+        self.switched_off = False
         #: When it was powered on last, ns.
         self.booted_ns = 0
         #: When its lamp was last made to flash.
@@ -196,9 +198,17 @@ class StationNode:
         self._build()
         for part in self.parts:
             part.supply_returned()
-        self.powered = True
+        self.powered, self.switched_off = True, False
         self.note(now, PowerReturned())
         self.boot(now)
+
+    def switch(self, now: int, *, on: bool) -> bool:
+        """A user's switch; whether it changed the supply."""
+        changed = self.powered is not on
+        if changed:
+            (self.power_on if on else self.power_off)(now)
+        self.switched_off = not on
+        return changed
 
     def power_cycle(self, now: int) -> None:
         """Off and on again."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.farm.views.readings import DriveReadings, FaultReading
@@ -62,16 +63,16 @@ class Drive(DriveReadings):
 
     def power_off(self) -> None:
         """Switch its supply off: it leaves the network at once."""
-        self._do(self._station.station.power_off)
+        self._do(partial(self._station.station.switch, on=False))
 
     def power_on(self) -> None:
         """Switch its supply on: it boots."""
-        self._do(self._station.station.power_on)
+        self._do(partial(self._station.station.switch, on=True))
 
     def power_cycle(self) -> None:
         """Off and on."""
         self._do(self._station.station.power_cycle)
 
-    def _do(self, action: Callable[[int], None]) -> None:
+    def _do(self, action: Callable[[int], object]) -> None:
         action(self._host.now_ns)
         self._host.changed(self._station)

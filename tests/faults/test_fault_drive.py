@@ -200,6 +200,17 @@ def test_a_power_cycle_leaves_a_drive_off_that_a_user_has_switched_off(line):
     line.enable()
 
 
+def test_a_drive_that_a_user_switches_off_during_a_power_cycle_stays_off(line):
+    station = line.farm.axes[0].station
+    fault = line.add("power-cycle", params={"off": "200ms"})
+    line.run(0.1)
+    assert not station.switch(line.world.now, on=False)
+    line.run(1.0)
+    assert (fault.state, station.powered) == ("ended", False)
+    assert station.switch(line.world.now, on=True)
+    line.enable()
+
+
 def test_a_power_cycle_that_is_cleared_switches_on_at_once(line):
     fault = line.add("power-cycle", params={"off": "1h"})
     line.run(1.0)

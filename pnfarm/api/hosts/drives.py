@@ -64,11 +64,7 @@ class FarmDrives:
         context.record(event, station.configured_name)
         if what == "cycle":
             station.station.power_cycle(context.now())
-        elif what == "off" and station.powered:
-            station.station.power_off(context.now())
-        elif what == "on" and not station.powered:
-            station.station.power_on(context.now())
-        else:
+        elif not station.station.switch(context.now(), on=what == "on"):
             return context.view(station)
         context.changed(station.station)
         return context.view(station)

@@ -50,8 +50,8 @@ class Supply(DrivePart):
     def power_on(self, now: int) -> None:
         """Undo one :meth:`power_off`."""
         self._off -= 1
-        # one that a user had switched off before stays so
-        if self._off == 0 and self._was_on and not self._station.powered:
+        # one that a user has switched off stays so, before or meanwhile
+        if self._off == 0 and self._was_on and not self._station.powered and not self._station.switched_off:
             self._station.power_on(now)
             for back in self.returned:
                 back(now)
