@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter, defaultdict, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +21,8 @@ BEHIND_SECONDS = 3.0
 #: Entries of one moment.
 SAME_SECONDS = 0.05
 UNEXPLAINED = "unexplained"
+#: Kept entries: of more than a minute.
+RECENT = 10_000
 #: Kinds of faults on an axis or a signal: they break no connection, and are no reason for a loss.
 HARMLESS = frozenset(kind.name for kind in fault_kinds().values() if {SERVO, SIGNALS} & set(kind.effect.needs))
 _LOST = ("connection lost", "ar aborted")
@@ -49,6 +51,8 @@ class Losses:
     longest: dict[str, tuple[float, str]] = field(default_factory=dict)
     #: Stations without a connection: since when, and why.
     away: dict[str, tuple[float, str]] = field(default_factory=dict)
+    #: The newest entries of the whole log, short: what happened around a loss.
+    recent: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=RECENT))
     _reasons: defaultdict[str, dict[str, Reason]] = field(default_factory=lambda: defaultdict(dict))
     _without: list[tuple[str, float, str]] = field(default_factory=list)
     _numbers: int = 0
@@ -62,6 +66,8 @@ class Losses:
         """One entry of the log, in order."""
         at, event, drive = float(entry[self.clock]), entry["event"], str(entry.get("drive", ""))
         station = drive.partition(".")[0]
+        more = (str(entry[key]) for key in ("kind", "id", "reason", "cause", "farm_late_seconds") if key in entry)
+        self.recent.append((at, " ".join((drive, event, *more))))
         reasons = self._reasons[station]
         if event == "fault injected" and entry["kind"] not in HARMLESS:
             reasons[entry["id"]] = Reason(entry["kind"], at)
@@ -117,6 +123,15 @@ class Losses:
             self._without.remove(one)
             self.by_reason[UNEXPLAINED] -= 1
             self.by_reason[what] += 1
+
+    def around(self, at: float, seconds: float) -> list[str]:
+        """What was in the log so long before and after a moment."""
+        return [f"{when - at:+.3f} {told}" for when, told in self.recent if abs(when - at) <= seconds]
+
+    @property
+    def unexplained_at(self) -> dict[str, float]:
+        """When each was."""
+        return {told: at for _, at, told in self._without}
 
     @property
     def unexplained(self) -> list[str]:

@@ -10,6 +10,7 @@ import signal
 import tempfile
 import threading
 import time
+from collections import deque
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from random import Random
@@ -46,6 +47,8 @@ SLACK = {"threads": 8, "files": 12, "garbage": 0, "replies kept": 1 << 30, "call
 EXPIRES_SECONDS = 0.2
 #: Losses without a reason whose controller is asked.
 MOST_KEPT = 50
+#: What is kept of the log around a loss without a reason.
+AROUND_SECONDS = 4.0
 #: Tasks that serve requests and streams: they come and go.
 PASSING_TASKS = (
     "RequestResponseCycle",
@@ -74,6 +77,8 @@ class RealRun:
         self.samples: list[dict[str, Any]] = []
         self.rests: list[dict[str, Any]] = []
         self.closer: list[dict[str, Any]] = []
+        #: When a controller did not run: its name, what of it, since when, how long.
+        self._paused: deque[tuple[str, str, float, float]] = deque(maxlen=1000)
         self.checks: list[Check] = []
         self.expected = 0
         self.devices: list[str] = []
@@ -429,17 +434,22 @@ class RealRun:
         with self.lock:
             for name, losses in (("controller", self.losses), ("line controller", self.line_losses)):
                 for what, begin, seconds in self.sides[name].stood() if name in self.sides else ():
+                    self._paused.append((name, what, begin, seconds))
                     if seconds >= EXPIRES_SECONDS:
                         losses.stood(f"the {name}'s {what} did not run", begin, seconds)
 
     def _keep_unexplained(self) -> None:
         """What the controller has to say to losses without a reason."""
         lines = list(self.sides["controller"].log.last)
-        for lost in self.losses.unexplained:
-            station = lost.partition(" ")[0]
-            said = [line for line in lines if f'"{station}' in line]
-            if said and len(self.closer) < MOST_KEPT and not any(one.get("lost") == lost for one in self.closer):
-                self.closer.append({"lost": lost, "controller": said[-20:]})
+        kept = [one["at"] for one in self.closer if "at" in one]
+        for lost, at in self.losses.unexplained_at.items():
+            # several at one moment have one reason
+            if len(self.closer) >= MOST_KEPT or any(abs(at - other) < AROUND_SECONDS for other in kept):
+                continue
+            kept.append(at)
+            stood = [one for one in self._paused if abs(at - one[2]) < 2 * AROUND_SECONDS]
+            around = self.losses.around(at, AROUND_SECONDS)
+            self.closer.append({"lost": lost, "at": at, "around": around, "stood": stood, "controller": lines[-40:]})
 
     def _tell(self) -> None:
         self._keep_unexplained()

@@ -22,7 +22,7 @@ from tests.soak.holdings import objects_file, of_controllers, of_farm, of_hub, o
 
 _PR_SET_PDEATHSIG = 1
 #: Between two looks at the clock, and what a look may be late.
-LOOK_SECONDS, STOOD_SECONDS = 0.1, 0.25
+LOOK_SECONDS, STOOD_SECONDS = 0.1, 0.05
 #: What ticks of an engine may be late within some ms.
 LATE_SECONDS = 0.04
 #: Between two counts of objects, each of which stops the interpreter for some 0.05 s.
