@@ -470,7 +470,8 @@ class RealRun:
         harm = getattr(self, "harm", None)
         losses, line = self.losses.report(), self.line_losses.report()
         return {
-            "options": vars(self.options),
+            # places of files are this machine's
+            "options": {key: value for key, value in vars(self.options).items() if not isinstance(value, Path)},
             "seconds": self.samples[-1]["seconds"] if self.samples else 0.0,
             "checks": [{"name": c.name, "ok": c.ok, "told": c.told} for c in self.checks],
             "actions": dict(harm.done.most_common()) if harm else {},
