@@ -6,8 +6,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 __all__ = [
-    "BRIDGE", "DEVICES", "FEWEST_OF_A_CELL", "IDLE", "LINE_DRIVES", "MODELS", "PARAMETERS", "SHARDS", "cell_text",
+    "BRIDGE",
+    "DEVICES",
+    "FEWEST_OF_A_CELL",
+    "IDLE",
+    "LINE_DRIVES",
+    "MODELS",
+    "PARAMETERS",
+    "SHARDS",
+    "cell_text",
     "line_text",
+    "on_serial_line",
 ]  # fmt: skip
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -154,3 +163,8 @@ link: {{kind: veth, bridge: {BRIDGE}}}
 drives:
   - {{name: 'line-{{n:02}}', count: {LINE_DRIVES}, model: akd-profinet, ip: 10.78.0.11/24, cycle: 32ms}}
 {_CONTROLLER.replace("10.77.1.250/23", "10.78.0.250/24")}"""
+
+
+def on_serial_line(station: str) -> bool:
+    """Whether it is one of the slaves on PROFIBUS."""
+    return station.startswith("dp-") or station == "slave"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +18,8 @@ __all__ = ["GRACE_SECONDS", "HARMLESS", "Losses"]
 GRACE_SECONDS = 15.0
 #: A controller gives a connection up so long after it ran again: a call's, an alarm's or a frame's time is over.
 BEHIND_SECONDS = 3.0
+#: Faults of one slave that disturb the others of its line, where telegrams meet.
+ON_LINE = frozenset({"line-noise", "delay", "late-frames", "duplicate", "reorder"})
 #: Entries of one moment.
 SAME_SECONDS = 0.05
 UNEXPLAINED = "unexplained"
@@ -44,9 +46,10 @@ class Reason:
 
 @dataclass(slots=True)
 class Losses:
-    """``clock``: the key of an entry's time, in seconds."""
+    """``clock``: the key of an entry's time, s; ``shares_line``: whether a station is one of a line's slaves."""
 
     clock: str
+    shares_line: Callable[[str], bool] = field(default=lambda _: False)
     by_reason: Counter[str] = field(default_factory=Counter)
     longest: dict[str, tuple[float, str]] = field(default_factory=dict)
     #: Stations without a connection: since when, and why.
@@ -54,7 +57,8 @@ class Losses:
     #: The newest entries of the whole log, short: what happened around a loss.
     recent: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=RECENT))
     _reasons: defaultdict[str, dict[str, Reason]] = field(default_factory=lambda: defaultdict(dict))
-    _without: list[tuple[str, float, str]] = field(default_factory=list)
+    #: Losses without a reason: station, time, the entry as text, and when it happened by the farm's own clock.
+    _without: list[tuple[str, float, str, float]] = field(default_factory=list)
     _numbers: int = 0
 
     def begin(self, what: str, at: float) -> Reason:
@@ -69,9 +73,10 @@ class Losses:
         more = (str(entry[key]) for key in ("kind", "id", "reason", "cause", "farm_late_seconds") if key in entry)
         self.recent.append((at, " ".join((drive, event, *more))))
         reasons = self._reasons[station]
+        happened = float(entry.get("farm_seconds", at))
         if event == "fault injected" and entry["kind"] not in HARMLESS:
             reasons[entry["id"]] = Reason(entry["kind"], at)
-            self._found_late(station, entry["kind"], at)
+            self._found_late(station, entry["kind"], happened)
         elif event == "injected fault ended" and entry["id"] in reasons:
             reasons[entry["id"]].end = at
         elif event in _POWER:
@@ -98,19 +103,28 @@ class Losses:
             for reason in self._reasons[place].values()
             if reason.begin <= at <= reason.end + GRACE_SECONDS
         ]
+        if self.shares_line(station):
+            found += [
+                reason
+                for mate, reasons in self._reasons.items()
+                if mate and mate != station and self.shares_line(mate)
+                for reason in reasons.values()
+                if reason.what in ON_LINE and reason.begin <= at <= reason.end + GRACE_SECONDS
+            ]
         return max(found, key=lambda reason: (reason.end >= at, reason.begin)).what if found else ""
 
     def _lost(self, station: str, entry: Mapping[str, Any], at: float) -> None:
         why = self._why(station, entry, at) or UNEXPLAINED
         if why == UNEXPLAINED:
             told = {key: value for key, value in entry.items() if not key.endswith("_seconds") or key == self.clock}
-            self._without.append((station, at, f"{station} at {at:.3f}: {told}"))
+            happened = float(entry.get("farm_seconds", at))
+            self._without.append((station, at, f"{station} at {at:.3f}: {told}", happened))
         self.by_reason[why] += 1
         self.away.setdefault(station, (at, why))
 
-    def _found_late(self, station: str, what: str, at: float) -> None:
-        """A fault that breaks a connection at once is in the log behind what it broke."""
-        for one in [one for one in self._without if one[0] == station and one[1] >= at - SAME_SECONDS]:
+    def _found_late(self, station: str, what: str, happened: float) -> None:
+        """A fault that breaks connections at once is in the log behind all that it broke, with its own time."""
+        for one in [one for one in self._without if one[0] == station and one[3] >= happened - SAME_SECONDS]:
             self._without.remove(one)
             self.by_reason[UNEXPLAINED] -= 1
             self.by_reason[what] += 1
@@ -131,11 +145,11 @@ class Losses:
     @property
     def unexplained_at(self) -> dict[str, float]:
         """When each was."""
-        return {told: at for _, at, told in self._without}
+        return {told: at for _, at, told, _ in self._without}
 
     @property
     def unexplained(self) -> list[str]:
-        return [told for _, _, told in self._without]
+        return [told for _, _, told, _ in self._without]
 
     def _back(self, station: str, at: float) -> None:
         if station not in self.away:

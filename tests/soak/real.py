@@ -17,7 +17,7 @@ from random import Random
 from typing import Any
 
 from tests.soak.asked import ask_station
-from tests.soak.cell import IDLE, LINE_DRIVES, STATIONS
+from tests.soak.cell import IDLE, LINE_DRIVES, STATIONS, on_serial_line
 from tests.soak.choices import Choices
 from tests.soak.client import Api, EventReader, HubReader
 from tests.soak.harm import V1, Harm
@@ -71,7 +71,7 @@ class RealRun:
         self.api, self.hub = Api(PORT), Api(HUB_PORT)
         self.lock = threading.Lock()
         self.stream = Stream()
-        self.losses, self.line_losses = Losses("time"), Losses("time")
+        self.losses, self.line_losses = Losses("time", on_serial_line), Losses("time")
         #: The longest time until a program that was disturbed was back: what was done, seconds, which.
         self.returns: dict[str, tuple[float, str]] = {}
         self.samples: list[dict[str, Any]] = []

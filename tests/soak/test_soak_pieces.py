@@ -10,6 +10,7 @@ from random import Random
 
 import pytest
 
+from tests.soak.cell import on_serial_line
 from tests.soak.kept import Kept, KeptError
 from tests.soak.losses import Losses
 from tests.soak.pieces import run_pieces
@@ -252,6 +253,27 @@ def test_a_fault_that_breaks_at_once_and_is_in_the_log_behind_the_loss_is_its_re
     late = entry(10.6, "fault injected", id="f", kind="ar-abort")
     assert verdicts(losses_of(LOST, late, BACK)) == [True, True]
     assert verdicts(losses_of(LOST, {**late, "time": 11.6}, BACK)) == [False, True]
+
+
+def test_a_fault_of_many_stations_is_the_reason_of_the_first_that_it_broke():
+    """It is noted for all of them behind the last one, with the time at which it began."""
+    lost = entry(10.6, "ar aborted", farm_seconds=500.0)
+    late = entry(10.9, "fault injected", id="f", kind="watchdog-expire", farm_seconds=500.0)
+    assert verdicts(losses_of(lost, late, BACK)) == [True, True]
+    assert verdicts(losses_of(lost, {**late, "farm_seconds": 500.2}, BACK)) == [False, True]
+
+
+def test_noise_of_one_slave_is_a_reason_for_the_others_of_its_line_alone():
+    noise = entry(10.0, "fault injected", drive="dp-01", id="f", kind="line-noise")
+    for drive, kind, ok in (
+        ("slave", "line-noise", True),
+        ("akd-01", "line-noise", False),
+        ("slave", "silence", False),
+    ):
+        losses = Losses("time", on_serial_line)
+        losses.entry({**noise, "kind": kind})
+        losses.entry(entry(10.5, "connection lost", drive=drive))
+        assert verdicts(losses)[0] is ok
 
 
 def test_a_loss_without_a_reason_and_one_long_after_it_are_found():
