@@ -161,7 +161,7 @@ class ScenarioText(Schema):
     )
     part: bool = Field(
         default=False,
-        description="A part of a scenario that a hub carries out on several farms: without traces, and not listed.",
+        description="Of a client's own, such as a wait, or a hub's part on a farm: without traces, not listed.",
     )
 
 

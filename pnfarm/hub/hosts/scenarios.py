@@ -6,7 +6,6 @@ import asyncio
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.catalogue import model as model_by_name
-from pnfarm.errors import ConfigError
 from pnfarm.hub.scenario import HubRun
 from pnfarm.scenario.running import KeptScenarios, RunningScenario
 
@@ -44,10 +43,8 @@ class HubScenarios(KeptScenarios):
         part: bool = False,
         barred: Collection[str] = (),
     ) -> RunningScenario:
-        if part:
-            raise ConfigError("part: is what a hub asks of a farm, and this is a hub; leave it out")
         self._hub.check_any()
-        return super().start(text, variables, barred=barred)
+        return super().start(text, variables, part=part, barred=barred)
 
     def _drives(self) -> Mapping[str, Model]:
         return {name: model_by_name(str(view["model"])) for name, view in self._hub.shards.views.items()}
