@@ -79,7 +79,7 @@ def read(shard: Shard, answer: Answer, *keys: str) -> dict[str, Any]:
 
 def passed_on(answer: Answer) -> Response:
     """A shard's answer as it is; a browser shows none of it as a page of the hub's own."""
-    headers = dict(_NO_PAGE) if answer.tag is None else _NO_PAGE | {"ETag": answer.tag}
+    headers = _NO_PAGE | ({} if answer.tag is None else {"ETag": answer.tag})
     media_type = answer.media_type or "application/octet-stream"
     return Response(answer.body, answer.status, headers=headers, media_type=media_type)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
 from pnfarm.farm.views.readings import DriveReadings
-from pnfarm.farm.wait import NotInTime
+from pnfarm.farm.wait import NotInTime, require_in_time
 from pnfarm.library.arguments import duration_ns
 from pnfarm.scenario.run import LOOK_NS
 from pnfarm.scenario.watch import Watch, as_text
@@ -76,13 +76,7 @@ class Drive(DriveReadings):
         if not held:
             values = as_text(watch.shown()[self.name])
             raise NotInTime(f"{condition} did not hold within {within_ns / 1e9:g} s: {values}; {self!r}")
-        took_ns = max(0, watch.held_ns[self.name] - began)
-        # who looks late sees what came true too late
-        if took_ns > within_ns + LOOK_NS:
-            raise NotInTime(
-                f"{condition} held after {took_ns / 1e9:.3f} s, and not within {within_ns / 1e9:g} s: {self!r}"
-            )
-        return took_ns / 1e9
+        return require_in_time(condition, max(0, watch.held_ns[self.name] - began), within_ns, LOOK_NS)
 
     async def refresh(self) -> Drive:
         """Does nothing: readings of a farm in this process are the present ones; as :meth:`RemoteDrive.refresh`."""

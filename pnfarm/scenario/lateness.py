@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.farm.lateness import IDLE_BUDGET_NS, TOGETHER, farm_budget_ns, farm_lateness
@@ -43,10 +44,6 @@ class _Kept:
         """To its budget."""
         return self.own.worst_ns / max(1, self.own.budget_ns)
 
-    @property
-    def worst_ns(self) -> int:
-        return self.own.worst_ns
-
 
 class _Largest:
     """The largest one since any time: each that is kept is larger than all behind it."""
@@ -79,8 +76,8 @@ class FarmLateness:
         self._known_ns = IDLE_BUDGET_NS
         self._began_ns = self._step_ns = self._looked_ns = now
         self._last_budget_ns = self.budget_ns
-        self._by_ratio = _Largest(lambda kept: kept.ratio)
-        self._by_size = _Largest(lambda kept: kept.worst_ns)
+        self._by_ratio = _Largest(attrgetter("ratio"))
+        self._by_size = _Largest(attrgetter("own.worst_ns"))
         self._told = ""
 
     def step(self, now: int) -> None:
@@ -96,11 +93,10 @@ class FarmLateness:
 
     def _keep(self, now: int) -> None:
         budget = self.budget_ns
-        # a tick may be late together with some before; a connection that is over had its budget up to then
-        begin = max(self._step_ns, self._looked_ns - TOGETHER * budget)
-        kept = self._found(begin, now)
-        self._by_ratio.note(kept)
-        self._by_size.note(kept)
+        # a tick may be late together with some before the last look
+        kept = self._found(max(self._step_ns, self._looked_ns - TOGETHER * budget), now)
+        for largest in (self._by_ratio, self._by_size):
+            largest.note(kept)
         self._looked_ns, self._last_budget_ns = now, budget
 
     def was_late(self, begin: int, now: int) -> bool:
@@ -134,6 +130,7 @@ class FarmLateness:
     def _found(self, begin: int, now: int) -> _Kept:
         """By the record, which may not reach back to ``begin``."""
         engine = self._core.columns.engine[0]
+        # a connection that is over had its budget up to then
         own = farm_lateness(self._core, begin, now, budget=min(self.budget_ns, self._last_budget_ns))
         stands = now - int(engine.now_ns) - int(engine.tick_ns)
         plant = self._core.lateness.plant.longest(begin, now)

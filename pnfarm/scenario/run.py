@@ -92,17 +92,15 @@ class ScenarioRun(Flow):
             self._axes.setdefault(axis.station.configured_name, []).append(axis.configured_name)
         # a state and a metric are checked once, however often they are asked for
         restored: dict[str, Step] = {}
-        metrics: dict[tuple[str, str, str], tuple[Step, str, MetricName, str]] = {}
+        checked: set[tuple[str, str, str]] = set()
         for step in binding.scenario.every_step():
             if step.kind == "restore":
                 restored.setdefault(step.values["state"], step)
-            for key in ("metric", "measure"):
-                if key in step.values:
-                    found = step.values[key]
-                    metric, asked = (found, _asked(step)) if key == "metric" else (found.metric, found.asked)
-                    metrics.setdefault((metric.name, str(metric.labels), asked), (step, key, metric, asked))
-        for checked in metrics.values():
-            self._check_metric(*checked)
+            if "metric" in step.values:
+                self._check_metric(step, "metric", step.values["metric"], _asked(step), checked)
+            if "measure" in step.values:
+                measure = step.values["measure"]
+                self._check_metric(step, "measure", measure.metric, measure.asked, checked)
         for step in restored.values():
             self._check_state(step)
         self._moments = TraceExcerpts(core, named_stations(binding), named_signals(binding), now) if traced else None
@@ -112,7 +110,12 @@ class ScenarioRun(Flow):
                 self._note_own_loss(entry)
         self._unsubscribe = core.log.subscribe(self._note)
 
-    def _check_metric(self, step: Step, key: str, metric: MetricName, asked: str) -> None:
+    def _check_metric(
+        self, step: Step, key: str, metric: MetricName, asked: str, checked: set[tuple[str, str, str]]
+    ) -> None:
+        if (this := (metric.name, str(metric.labels), asked)) in checked:
+            return
+        checked.add(this)
         try:
             check_metric(self._collector, metric, asked)
         except ConfigError as error:

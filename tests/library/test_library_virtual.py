@@ -117,7 +117,7 @@ def test_what_is_seen_too_late_was_not_in_time(running, monkeypatch):
         async with axis.fault("f702", count=1):
             monkeypatch.setattr(passing, "wait", stood)
             # acknowledged behind 200 ms
-            with pytest.raises(pnfarm.NotInTime, match=r"state == S2 held after 0\.2\d\d s, and not within 0\.1 s"):
+            with pytest.raises(pnfarm.NotInTime, match=r"state == S2 was seen after 0\.2\d\d s, and not within 0\.1 s"):
                 await axis.wait_for("state == S2", within=0.1)
         monkeypatch.undo()
         await farm.wait_running()

@@ -44,10 +44,7 @@ class Servo(DrivePart):
     A drive without supply takes no commands: they wait for the ``supply``.
     """
 
-    def __init__(
-        self,
-        station: Axis,
-    ) -> None:
+    def __init__(self, station: Axis) -> None:
         self._station = station
         self._held: Counter[int] = Counter()
         self._warnings: list[Fault] = []

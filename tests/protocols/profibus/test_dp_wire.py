@@ -170,3 +170,19 @@ def test_times_of_the_line_follow_its_rate():
     assert timing.longest_tsdr_bits(45_450) == 250
     assert timing.slot_bits(12_000_000) == 1000
     assert checksum(b"\xff\x02") == 1
+
+
+@pytest.mark.parametrize(
+    ("several", "most", "joined"),
+    [
+        ([], 238, ""),
+        (["42 01 80 43 26"], 238, "42 01 80 43 26"),
+        (["42 01 80 43 26", "42 02 81 40 31", "42 01 80 43 26"], 238, "42 03 80 43 26 81 40 31"),
+        (["43 00 01", "42 04"], 238, "43 04 01"),
+        (["42 04", "43 00 01"], 238, "43 04 01"),
+        (["03 00 02", "42 01 80 43 26", "02 08"], 238, "02 08 42 01 80 43 26"),
+        (["42 01 80 43 26", "42 02 81 40 31"], 7, "42 03 80 43 26"),
+    ],
+)
+def test_diagnoses_of_one_slave_are_joined_block_by_block_as_far_as_there_is_room(several, most, joined):
+    assert dp.join_diagnoses(map(bytes.fromhex, several), most).hex(" ") == joined

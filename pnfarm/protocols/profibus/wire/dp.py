@@ -100,16 +100,16 @@ def join_diagnoses(several: Iterable[bytes], most: int) -> bytes:
     """
     device, identifiers, others = b"", b"", dict[bytes, None]()
     for block in (block for extended in several for block in _blocks(extended)):
-        octets = block.octets
         match block.kind:
             case "device":
-                device = octets
-            case "identifier" if len(octets) == len(identifiers):
-                identifiers = octets[:1] + bytes(a | b for a, b in zip(identifiers[1:], octets[1:], strict=True))
+                device = block.octets
             case "identifier":
-                identifiers = max(identifiers, octets, key=len)
+                # the head counts the octets: of the longer one it is the right one
+                longer, shorter = sorted((identifiers, block.octets), key=len, reverse=True)
+                bits = int.from_bytes(longer[1:], "little") | int.from_bytes(shorter[1:], "little")
+                identifiers = longer[:1] + bits.to_bytes(len(longer) - 1, "little")
             case _:
-                others[octets] = None
+                others[block.octets] = None
     joined = b""
     for octets in (device, identifiers, *others):
         if len(joined) + len(octets) <= most:
