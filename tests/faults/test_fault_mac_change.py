@@ -114,6 +114,23 @@ def test_an_address_that_is_in_use_or_an_interface_that_is_not_the_farms_is_refu
     assert [found.spec.on for found in line.faults.list()] == [["axis-02"]]
 
 
+def test_an_address_that_another_drive_got_before_the_fault_begins_is_refused_then():
+    line = FaultLine(2)
+    late = line.add("mac-change", on="all", params={"mac": OTHER}, after="1s")
+    line.run(1.1)
+    assert [axis.port.mac == parse_mac(OTHER) for axis in line.farm.axes] == [True, False]
+    assert [(run.state, run.reason) for run in late.runs.values()] == [
+        ("active", ""),
+        ("ended", f"fault.params.mac: {OTHER} is the address of axis-01; allowed: that of no drive"),
+    ]
+
+
+def test_an_address_comes_again_at_a_rate(line):
+    swap = line.add("mac-change", params={"mac": OTHER}, rate="1/s", times=3, **{"for": "200ms"})
+    assert line.until(lambda: swap.state == "ended", 60.0)
+    assert swap.evidence().activations == 3
+
+
 class Slow:
     """A link that refuses what it is told to, and takes a turn of the loop for the rest."""
 

@@ -137,6 +137,18 @@ def test_without_a_fault_there_is_nothing_to_ignore(line):
     assert not mute.evidence().confirmed
 
 
+def test_an_acknowledgement_of_a_positioning_error_is_ignored_once_though_no_frame_reports_a_fault(line):
+    mute = line.add("fault-not-acknowledging", count=1)
+    axis = line.farm.columns.axis[0]
+    axis.positioning.error = 1
+    line.farm.axes[0].handle.push_command(CMD_ACKNOWLEDGE, 0)
+    assert line.until(lambda: mute.state == "ended", 1.0)
+    assert (mute.evidence().activations, mute.evidence().confirmed) == (1, False)
+    assert axis.positioning.error == 1
+    line.farm.axes[0].handle.push_command(CMD_ACKNOWLEDGE, 0)
+    assert line.until(lambda: axis.positioning.error == 0, 1.0)
+
+
 def test_a_parameter_that_acknowledges_is_ignored_as_well_and_the_supply_clears_the_fault(line):
     mute = line.add("fault-not-acknowledging")
     line.add("drive-fault", params={"fault": 702})

@@ -22,7 +22,7 @@ class ConfirmedEffect(Effect):
 
     connection = CONNECTION
     status: Status | None = None
-    #: Whether frames without the status contradict the injection.
+    #: Whether frames without the status contradict the injection; if not, they are looked at no longer.
     must_show: ClassVar[bool] = True
     _look_since: int | None = None
     #: When a frame that left since did not report the status, for the first time.
@@ -53,9 +53,12 @@ class ConfirmedEffect(Effect):
         if self.status is not None and not self.connection.reports(self.status):
             # nothing that leaves can show it
             return
-        if connection is not None and self.must_show and self.status is not None and self.connection.sent_data(since):
+        if connection is not None and self.status is not None and self.connection.sent_data(since):
             self._missed_ns = now if self._missed_ns is None else self._missed_ns
             if now - self._missed_ns >= SHOWN_WITHIN * connection.cycle_ns:
+                if not self.must_show:
+                    self._look_since = None
+                    return
                 self.tally.contradict(f"cyclic frames left since, and none reports {self.status.value}")
         if connection is not None:
             self._due = now + max(connection.cycle_ns, 1_000_000)

@@ -31,7 +31,7 @@ class NotAcknowledging(ConfirmedEffect):
         refused = min(refused, self._until)
         for _ in range(self._seen, refused):
             self.tally.note(last_ns)
-            self._look_since = last_ns
+            self._look_since, self._missed_ns = last_ns, None
         self._seen = refused
         self._look(now)
         # with a connection the next frame shows whether the fault is still reported

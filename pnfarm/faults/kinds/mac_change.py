@@ -33,11 +33,20 @@ class MacChange(Effect):
         self.mac: bytes = self.values["mac"] or made
         if self.adapter.refusal:
             raise InjectionError([("kind", self.adapter.refusal, "")])
-        if user := self.adapter.user_of(self.mac):
-            what = f"{format_mac(self.mac)} is the address of {user}"
-            raise InjectionError([("params.mac", f"{what} itself" if user == name else what, "that of no drive")])
+        self._require_free()
+        if self.adapter.user_of(self.mac):
+            raise self._taken(f"{name} itself")
+
+    def _require_free(self) -> None:
+        if (user := self.adapter.user_of(self.mac)) not in {"", self.drive.name}:
+            raise self._taken(user)
+
+    def _taken(self, user: str) -> InjectionError:
+        return InjectionError([("params.mac", f"{format_mac(self.mac)} is the address of {user}", "that of no drive")])
 
     def begin(self, now: int) -> None:
+        # another drive may have got it since
+        self._require_free()
         self.wire.listen(self._hear)
         self.adapter.change(self.mac, now)
         self._due = now + POLL_NS

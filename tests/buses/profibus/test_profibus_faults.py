@@ -277,6 +277,26 @@ def test_a_delay_of_one_answer_ends_though_the_drive_boots_meanwhile(bench):
     assert bench.line.wait_until(lambda: fault.state == "ended", 3.0)
 
 
+@pytest.mark.parametrize("access", ["class-1", "class-2"])
+def test_a_delay_of_one_answer_ends_though_the_connection_of_who_asks_ends(farm, access):
+    bench = Bench(farm, keys=f"access: {access}")
+    fault = bench.inject("record-delay", count=1, params={"delay": "60s"})
+    job = bench.line._line.plc.read_parameter(bench.name, "P-0918", bench.line.now_ns)
+    bench.line.run(0.2)
+    assert (fault.state, job.done) == ("active", False)
+    if access == "class-1":
+        bench.inject("ar-abort", count=1)
+    else:
+        bench.core.axis(bench.name).station.device.slave.class_two.close_all()
+    assert bench.line.wait_until(lambda: job.done, 20.0)
+    assert (fault.state, fault.evidence().confirmed) == ("ended", False)
+    # the next one is not held by what was left of the first
+    bench.clear(3.0)
+    bench.inject("record-delay", params={"delay": "300ms"})
+    job = bench.line._line.plc.read_parameter(bench.name, "P-0918", bench.line.now_ns)
+    assert bench.line.wait_until(lambda: job.ok, 2.0)
+
+
 def test_a_cut_line_is_every_slave_at_once_and_all_come_back(farm):
     bench = Bench(farm)
     bench.core.injections.inject({"kind": "link-down", "on": "all", "for": "500ms"}, bench.line.now_ns)

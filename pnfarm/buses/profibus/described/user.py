@@ -88,9 +88,8 @@ class DescribedUser(Meddling):
     # -- records -----------------------------------------------------------------------------------------------------
 
     def read_record(self, slot: int, index: int, length: int, client: int, now: int) -> bytes | None:
-        del client
         self._refuse(slot)
-        if self.withhold is not None and self.withhold(now):
+        if self.withhold is not None and self.withhold(client, now):
             return None
         found = self._records.get((slot, index))
         if found is None:
@@ -111,6 +110,3 @@ class DescribedUser(Meddling):
             raise RecordRefusedError(*self.error)
         if slot not in self._slots:
             raise RecordRefusedError(ErrorCode1.INVALID_SLOT)
-
-    def client_gone(self, client: int) -> None:
-        """Nothing is pending: every request is carried out at once."""

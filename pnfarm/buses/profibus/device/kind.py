@@ -26,12 +26,14 @@ __all__ = ["Kind", "Meddling", "StationUser"]
 class Meddling:
     """What injections do to a user; both kinds of users have it.
 
-    ``error`` refuses records, with ``given`` called for each; ``withhold`` holds answers back.
+    ``error`` refuses records, with ``given`` called for each; ``withhold`` holds answers of a client back, and ``gone``
+    hears of a client that waits for none any more.
     """
 
     def __init__(self) -> None:
         self.error: tuple[int, int] | None = None
-        self.withhold: Callable[[int], bool] | None = None
+        self.withhold: Callable[[int, int], bool] | None = None
+        self.gone: Callable[[int], None] = lambda client: None
         self.given: Callable[[], None] = lambda: None
         #: Diagnosis that an injection adds: octets of a block, and whether data exchange makes no sense.
         self.further_diagnosis = b""
@@ -39,12 +41,16 @@ class Meddling:
         #: Most octets of it.
         self.most_further = MOST_DIAGNOSIS - HEAD_OCTETS
 
+    def client_gone(self, client: int) -> None:
+        self.gone(client)
+
 
 class StationUser(SlaveUser, Protocol):
     """A :class:`SlaveUser` that injections can meddle with."""
 
     error: tuple[int, int] | None
-    withhold: Callable[[int], bool] | None
+    withhold: Callable[[int, int], bool] | None
+    gone: Callable[[int], None]
     given: Callable[[], None]
     further_diagnosis: bytes
     most_further: int

@@ -136,7 +136,7 @@ class DriveUser(Meddling):
         """Slots are not evaluated (9.1)."""
         del slot
         self._refuse(index)
-        if self.withhold is not None and self.channel.pending(client) and self.withhold(now):
+        if self.withhold is not None and self.channel.pending(client) and self.withhold(client, now):
             return None
         answer = self.channel.read_response(length, client, now)
         if answer is None:
@@ -162,4 +162,5 @@ class DriveUser(Meddling):
             raise RecordRefusedError(*self.error)
 
     def client_gone(self, client: int) -> None:
+        super().client_gone(client)
         self.channel.reset(client)

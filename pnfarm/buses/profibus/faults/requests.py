@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.parts import InForce
@@ -53,13 +54,12 @@ class Records(ParameterAccess):
         self._device = device
         self._settle = settle
         self._late: InForce[LateRule] = InForce(self.apply)
-        #: When the answer that is asked for may go, by nothing but its turn: there is one at a time for each client.
-        self._until: int | None = None
-        #: Those that hold it back.
-        self._holding: list[LateRule] = []
+        #: By client, of which each waits for one answer at a time: when it may go, and the rules that hold it back.
+        self._held: dict[int, tuple[int, list[LateRule]]] = {}
 
     def rebooted(self, now: int) -> None:
-        self._answered(sent=False)
+        for client in list(self._held):
+            self._left(client, sent=False)
         super().rebooted(now)
 
     def in_force(self) -> list[Any]:
@@ -73,10 +73,8 @@ class Records(ParameterAccess):
 
     def stop_delay(self, rule: LateRule, now: int) -> None:
         self._late.take(rule)
-        if rule in self._holding:
-            self._holding.remove(rule)
-        if not self._holding:
-            self._until = None
+        left = {client: (until, [one for one in rules if one is not rule]) for client, (until, rules) in self._held.items()}
+        self._held = {client: held for client, held in left.items() if held[1]}
         self._settle(now)
 
     def apply(self) -> None:
@@ -84,21 +82,21 @@ class Records(ParameterAccess):
         user.error = (self.errors[-1].code, 0) if self.errors else None
         user.given = self.errors[-1].given if self.errors else lambda: None
         user.withhold = self._withheld if self._late else None
+        user.gone = partial(self._left, sent=False)
 
-    def _withheld(self, now: int) -> bool:
-        if self._until is None:
+    def _withheld(self, client: int, now: int) -> bool:
+        if client not in self._held:
             waits = [(rule, rule.asked(now)) for rule in self._late]
-            self._holding = [rule for rule, wait in waits if wait]
-            if not self._holding:
+            rules = [rule for rule, wait in waits if wait]
+            if not rules:
                 return False
-            self._until = now + sum(wait for _, wait in waits)
-        if now < self._until:
+            self._held[client] = now + sum(wait for _, wait in waits), rules
+        if now < self._held[client][0]:
             return True
-        self._answered(sent=True)
+        self._left(client, sent=True)
         return False
 
-    def _answered(self, *, sent: bool) -> None:
-        self._until = None
-        holding, self._holding = self._holding, []
-        for rule in holding:
+    def _left(self, client: int, *, sent: bool) -> None:
+        _, rules = self._held.pop(client, (0, ()))
+        for rule in rules:
             rule.left(sent=sent)
