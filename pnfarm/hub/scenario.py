@@ -129,6 +129,11 @@ class HubRun(Flow):
         #: When shards lost drives by their own lateness last, and when these were in operation again: the hub's clock.
         self._own_losses: dict[str, int] = {}
         self._back: dict[str, int] = {}
+        #: The axes of each drive system, by its name of station.
+        self._axes: dict[str, list[str]] = {}
+        for name, view in hub.shards.views.items():
+            if (station := view.get("station_name")) not in hub.shards.views:
+                self._axes.setdefault(str(station), []).append(name)
         self._told_texts = _texts(_TOLD)
         self._ending: asyncio.Task[None] | None = None
         self._unsubscribe = hub.log.subscribe(self._note)
@@ -140,11 +145,11 @@ class HubRun(Flow):
         return super().advance(now)
 
     def _note(self, entry: HubEntry) -> None:
+        if entry.data.get("cause") == "farm":
+            self._own_losses |= dict.fromkeys(self._axes.get(entry.drive, [entry.drive]), entry.at_ns)
         if entry.drive in self.binding.drives and entry.data["event"] in self._told_texts:
             state = entry.data.get("after") if entry.data["event"] == events.StateChanged.TEXT else None
-            if entry.data.get("cause") == "farm":
-                self._own_losses[entry.drive] = entry.at_ns
-            elif state == "S4":
+            if state == "S4":
                 self._back[entry.drive] = entry.at_ns
             self.record.note_told(entry.at_ns, entry.drive, str(entry.data["event"]), state)
 

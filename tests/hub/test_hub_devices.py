@@ -178,6 +178,15 @@ def test_a_drive_that_a_late_shard_lost_is_known_until_it_is_back(world, late_ns
     assert [entry["text"] for entry in run.record.as_dict()["timeline"]] == ["ar aborted", "state changed"]
 
 
+def test_the_axes_of_a_drive_system_that_a_late_shard_lost_are_known(world, monkeypatch):
+    views = {f"axis-0{n}": {"station_name": "system"} for n in (1, 2)} | {"axis-03": {"station_name": "axis-03"}}
+    monkeypatch.setattr(type(world.hub.shards), "views", views)
+    scenario = parse_scenario("scenario: s\nsteps:\n  - wait: 1s\n")
+    run = HubRun(bind_scenario(scenario, {"axis-01": catalogue.model("moog-msd")}, {}), world.hub, None, 0)
+    run._note(HubEntry(1, "a", 1, 100, {"drive": "system", "event": "ar aborted", "cause": "farm"}))
+    assert [run._is_own_loss(f"axis-0{n}", 50) for n in (1, 2, 3)] == [True, True, False]
+
+
 # -- real ones, with their controllers
 
 
