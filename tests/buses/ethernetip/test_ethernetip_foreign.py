@@ -201,8 +201,6 @@ def test_a_device_exchanges_data_by_its_file_alone(tmp_path, more):
     assert line.plc.all_running
     with pytest.raises(ConfigError, match="64 octets"):
         line.plc.put_outputs("servo", bytes(65))
-    with pytest.raises(ConfigError, match="not known"):
-        line.plc.read_parameter("servo", "HOME.P", line.world.now)
 
 
 def test_outputs_of_the_file_are_sent_from_the_start(tmp_path):

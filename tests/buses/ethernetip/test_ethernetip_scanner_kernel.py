@@ -52,10 +52,11 @@ async def main(path, given):
             ip("addr add 10.77.1.250/23 dev plc0")
         async with Plc(config) as plc:
             running = await plc.wait_running(60.0)
-            asked = plc.core.read_parameter("axis-2", "DRV.OPMODE", time.monotonic_ns())
+            # DRV.OPMODE of the Parameter object
+            asked = plc.core.get_attribute("axis-2", 0x0F, 136, 1, time.monotonic_ns())
             while not asked.done:
                 await asyncio.sleep(0.01)
-            value = plc.core.parameter_value("axis-2", "DRV.OPMODE", asked)
+            value = int.from_bytes(asked.data, "little")
             rows = plc.summary()
             groups = subprocess.run(["ip", "maddr"], capture_output=True, text=True).stdout.count("inet  239.")
             print(json.dumps([running, value, groups, [[r["losses"], r["group"], r["zsw1"] >> 7 & 1] for r in rows]]))

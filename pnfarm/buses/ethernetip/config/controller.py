@@ -80,10 +80,6 @@ class EthernetIpController(IpController):
         description="Electronic key in Forward_Open: exact: this revision; compatible: the drive decides whether it "
         "can take the place of this revision; off: any device.",
     )
-    explicit: Literal["unconnected", "connected"] = Field(
-        default="unconnected",
-        description="How it asks for attributes and parameters: unconnected messages (UCMM), or a class 3 connection.",
-    )
     request_timeout_ns: RequestTime = Field(
         default=5_000_000_000,
         alias="request_timeout",

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.controllers.core import SessionCore
 from pnfarm.buses.controllers.snapshot import session_row
 from pnfarm.buses.ethernetip.controller.channels import SessionChannels
-from pnfarm.buses.ethernetip.controller.requests import ExplicitRequest, RequestQueue
+from pnfarm.buses.ethernetip.controller.requests import ExplicitRequest
 from pnfarm.buses.ethernetip.controller.session import DeviceSession, Sign
 from pnfarm.buses.ethernetip.controller.session_life import SessionLife
-from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire.encapsulation import IO_PORT
@@ -26,14 +25,10 @@ from pnfarm.wire.endpoint import DatagramReceived, Services, StreamClosed, Strea
 if TYPE_CHECKING:
     from pnfarm.buses.controller import ControllerHost
     from pnfarm.buses.ethernetip.controller.device_plan import EthernetIpPlan
-    from pnfarm.drives.profiles.cip.part import CipInstance
     from pnfarm.protocols.enip.wire.message import MessageRequest
     from pnfarm.wire.endpoint import SocketEvent
 
 __all__ = ["EthernetIpCore"]
-
-#: The Parameter object, and its attribute with the value (AKD EtherNet/IP manual 7.3).
-PARAMETER_CLASS, VALUE = 0x0F, 1
 
 
 class EthernetIpCore(SessionCore[DeviceSession]):
@@ -46,10 +41,7 @@ class EthernetIpCore(SessionCore[DeviceSession]):
         sockets = host.sockets
         if sockets is None:
             raise ConfigError(f"a {host.link.kind} link has no sockets, which EtherNet/IP needs")
-        sessions = [
-            DeviceSession(index, device, queue=RequestQueue(device.explicit == "connected"))
-            for index, device in enumerate(plan.devices)
-        ]
+        sessions = [DeviceSession(index, device) for index, device in enumerate(plan.devices)]
         plain = [session for session in sessions if session.plan.plain]
         # one that is opened again leaves the pieces of before to the engine until its next tick
         super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=4 * len(plain))
@@ -186,41 +178,6 @@ class EthernetIpCore(SessionCore[DeviceSession]):
         """Set_Attribute_Single; see :meth:`request`."""
         path = logical_path(class_id, instance, attribute)
         return self.request(name, message_request(Service.SET_ATTRIBUTE_SINGLE, path, data), now)
-
-    def read_parameter(self, name: str, parameter: str | int, now: int) -> ExplicitRequest:
-        """A parameter of a drive by its name or instance; :meth:`parameter_value` has the number.
-
-        Raises :class:`ConfigError` for an unknown drive or parameter.
-        """
-        return self.get_attribute(name, PARAMETER_CLASS, self._instance(name, parameter).number, VALUE, now)
-
-    def write_parameter(self, name: str, parameter: str | int, value: int, now: int) -> ExplicitRequest:
-        """Write a parameter, a whole number as on the wire; any number executes a command.
-
-        Raises :class:`ConfigError` as :meth:`read_parameter` does, and for a number that does not fit.
-        """
-        instance = self._instance(name, parameter)
-        try:
-            data = value.to_bytes(instance.size, "little", signed=instance.signed)
-        except OverflowError:
-            raise ConfigError(f"{instance.name}: {value} does not fit into {instance.size} octets") from None
-        return self.set_attribute(name, PARAMETER_CLASS, instance.number, VALUE, data, now)
-
-    def parameter_value(self, name: str, parameter: str | int, request: ExplicitRequest) -> int:
-        """The number that a drive answered to :meth:`read_parameter`.  Raises :class:`ConfigError` without one."""
-        if not request.ok:
-            raise ConfigError(request.error or "there is no answer yet")
-        return int.from_bytes(request.data, "little", signed=self._instance(name, parameter).signed)
-
-    def _instance(self, name: str, parameter: str | int) -> CipInstance:
-        model = self.named(name).plan.described
-        if model is None:
-            raise ConfigError(f"the parameters of {name!r} are not known: use its attributes")
-        try:
-            found = model.resolve(parameter)[0]
-            return model.cip.instances[found.pnu]
-        except (ParameterError, KeyError):
-            raise ConfigError(f"{model.name} has no parameter {parameter!r} with an instance") from None
 
     # -- between the machines ----------------------------------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from pnfarm.buses.controllers.device_plan import IpPlan, PlannedDevice
 from pnfarm.protocols.enip.wire.forward_open import ConnectionType, NetworkParameters, TransportClass
@@ -99,7 +99,6 @@ class DevicePlan(PlannedDevice):
     timeout_multiplier: int
     steps: ProgramSteps = ProgramSteps()
     request_timeout_ns: int
-    explicit: Literal["unconnected", "connected"]
     #: Identity as the file or the model has it; numbers of 0 are not compared.
     key: ElectronicKey
 

@@ -99,7 +99,6 @@ def _plan_drive(section: EthernetIpController, drive: EthernetIpDriveConfig, mod
         program=program,
         reconnect_after_ns=reconnect_after_ns(section),
         request_timeout_ns=section.request_timeout_ns,
-        explicit=section.explicit,
         key=_identity(product),
         described=model,
     )
@@ -121,7 +120,6 @@ def _plan_foreign(section: EthernetIpController, device: EdsDevice, folder: Path
         timeout_multiplier=section.timeout_multiplier,
         reconnect_after_ns=reconnect_after_ns(section),
         request_timeout_ns=section.request_timeout_ns,
-        explicit=section.explicit,
         key=sheet.key,
         outputs=device.outputs or b"",
     )
@@ -156,7 +154,6 @@ def _plan_own(section: EthernetIpController, device: EthernetIpDeviceConfig) -> 
         timeout_multiplier=section.timeout_multiplier,
         reconnect_after_ns=reconnect_after_ns(section),
         request_timeout_ns=section.request_timeout_ns,
-        explicit=section.explicit,
         key=key,
     )
 

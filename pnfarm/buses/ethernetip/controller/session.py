@@ -24,13 +24,13 @@ from enum import Enum, StrEnum, auto
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.controllers import session
+from pnfarm.buses.ethernetip.controller.requests import RequestQueue
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from pnfarm.buses.ethernetip.controller.device_plan import DevicePlan
     from pnfarm.buses.ethernetip.controller.identity import Identification
-    from pnfarm.buses.ethernetip.controller.requests import RequestQueue
     from pnfarm.protocols.enip.originator import Originator
     from pnfarm.protocols.enip.wire.forward_open import ForwardOpen
 
@@ -113,7 +113,7 @@ class DeviceSession(session.Session):
     """See the module's docstring.  The machine is there from the TCP connection's opening to its end."""
 
     plan: DevicePlan
-    queue: RequestQueue = field(kw_only=True)
+    queue: RequestQueue = field(default_factory=RequestQueue)
     state: SessionState = SessionState.WAIT
     stream: int | None = None
     machine: Originator | None = None

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 from pnfarm.buses.controllers.session_life import RETRY_NS, Life
 from pnfarm.buses.ethernetip.controller import events
 from pnfarm.buses.ethernetip.controller.identity import READ_IDENTITY, differences, parse_identification
-from pnfarm.buses.ethernetip.controller.requests import explicit_connection
 from pnfarm.buses.ethernetip.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.originator import Originator, OriginatorSettings
@@ -295,16 +294,12 @@ class SessionLife(Life[DeviceSession]):
         machine = session.machine
         if machine is None:
             return False
-        queue = session.queue
         if machine.state is OriginatorState.ESTABLISHED:
-            opening = None
-            if queue.waiting and queue.current is None and queue.needs_connection():
-                opening = explicit_connection(self._triad(), self._id())
-            queue.send(machine, opening, now)
+            session.queue.send(machine, now)
         moved = self._carry(session, machine)
         notes = machine.take_events()
         for note in notes:
-            if not queue.take(note, machine, now):
+            if not session.queue.take(note):
                 self._take(session, note, now)
         return moved or bool(notes)
 

@@ -33,7 +33,7 @@ class Meddling:
     def __init__(self) -> None:
         self.error: tuple[int, int] | None = None
         self.withhold: Callable[[int, int], bool] | None = None
-        self.gone: Callable[[int], None] = lambda client: None
+        self.gone: Callable[[int], None] = lambda _client: None
         self.given: Callable[[], None] = lambda: None
         #: Diagnosis that an injection adds: octets of a block, and whether data exchange makes no sense.
         self.further_diagnosis = b""

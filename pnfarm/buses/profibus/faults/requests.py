@@ -73,8 +73,11 @@ class Records(ParameterAccess):
 
     def stop_delay(self, rule: LateRule, now: int) -> None:
         self._late.take(rule)
-        left = {client: (until, [one for one in rules if one is not rule]) for client, (until, rules) in self._held.items()}
-        self._held = {client: held for client, held in left.items() if held[1]}
+        for client, (_, rules) in list(self._held.items()):
+            if rule in rules:
+                rules.remove(rule)
+            if not rules:
+                del self._held[client]
         self._settle(now)
 
     def apply(self) -> None:
