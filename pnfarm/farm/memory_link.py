@@ -38,8 +38,6 @@ class MemoryDriver:
         #: The world's time less the machine's.
         self._offset_ns = 0
         self._busy = False
-        #: Time that the machine did not have for the farm, ns.
-        self.left_out_ns = 0
 
     async def start(self) -> None:
         """Let the world run from now on."""
@@ -83,7 +81,6 @@ class MemoryDriver:
         behind = time.monotonic_ns() + self._offset_ns - self._world.now
         if behind > MOST_BEHIND_NS:
             self._offset_ns -= behind - MOST_BEHIND_NS
-            self.left_out_ns += behind - MOST_BEHIND_NS
             behind = MOST_BEHIND_NS
         if behind > 0:
             self._run(behind)

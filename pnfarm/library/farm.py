@@ -59,7 +59,6 @@ class Farm(FarmFace[Drive, Device]):
     def __init__(self, config: FarmConfig, *, virtual: bool = False, shard: Shard | None = None) -> None:
         super().__init__()
         self.config = config
-        self.is_virtual = virtual
         self._passing: FarmRunner = VirtualTimeRunner(config, shard) if virtual else RealTimeRunner(config, shard)
         self._began_ns = 0
 

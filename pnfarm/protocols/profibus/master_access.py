@@ -53,7 +53,7 @@ class Connection:
         self._send_timeout_ns = SEND_TIMEOUT_NS
         self._spoke_ns = 0
         self._idle_asked = False
-        self._idle_ns = self._begin_ns = 0
+        self._idle_ns = 0
 
     def ask(self, request: RecordRequest, now: int) -> None:
         """Queue a request; one too many fails at once."""
@@ -88,7 +88,7 @@ class Connection:
             return Sap.MSAC1, Sap.MSAC1, self._head()
         match self.state:
             case AccessState.CLOSED:
-                self.state, self._begin_ns = AccessState.INITIATING, now
+                self.state = AccessState.INITIATING
                 return Sap.RESOURCE_MANAGER, Sap.MASTER_2, Initiate(SEND_TIMEOUT_NS).emit()
             case AccessState.INITIATING:
                 return Sap.RESOURCE_MANAGER, Sap.MASTER_2, b""

@@ -175,9 +175,8 @@ class Slave:
         self.refuse_configuration = False
         #: Diagnoses that were read; Set_Prm and Chk_Cfg that did not fit.
         self.diagnoses = self.refusals = 0
-        #: Whether a good telegram was heard lately, and ever.
+        #: Whether a good telegram was heard lately.
         self.found = False
-        self.was_found = False
         self.class_one = ClassOne(self)
         self.class_two = ClassTwo(self)
         self._cyclic = _Cyclic()
@@ -286,7 +285,7 @@ class Slave:
         self.changed()
         self._heard_ns = now
         if not self.found:
-            self.found = self.was_found = True
+            self.found = True
             self._events.append(BaudFound())
         # what nearly all telegrams are comes first
         if (

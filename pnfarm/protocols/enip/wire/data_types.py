@@ -9,7 +9,6 @@ import struct
 from dataclasses import dataclass
 from typing import Final
 
-from pnfarm.errors import DecodeError
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
@@ -105,10 +104,3 @@ TYPES: Final = {
         SHORT_STRING, EPATH,
     )
 }  # fmt: skip
-
-
-def parse_typed(data: bytes, code: int = 0xC7) -> Value:
-    """A value of the type with this code.  Raises ``bad-type`` for an unknown code, ``short``, ``trailing``."""
-    if (kind := TYPES.get(code)) is None:
-        raise DecodeError("bad-type", f"no data type has the code 0x{code:02X}")
-    return kind.parse(data)

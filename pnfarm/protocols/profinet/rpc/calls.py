@@ -127,7 +127,6 @@ class Call:
     sender: FragmentSender
     answer_max: int
     expires_at: int
-    retry_at: int
     reassembly: Reassembly
     state: ClientState = ClientState.SENDING
     response_drep: bytes = b""

@@ -142,7 +142,6 @@ class RpcClient:
             sender=FragmentSender(stub, self.config.fragment_octets),
             answer_max=answer_max,
             expires_at=now + (self.config.timeout_ns if timeout_ns is None else timeout_ns),
-            retry_at=now,
             reassembly=Reassembly(answer_max),
         )
         activity.call = self._calls[call.call_id] = call
@@ -244,7 +243,6 @@ class RpcClient:
         call.tries += 1
 
     def _wake(self, call: Call, at: int) -> None:
-        call.retry_at = at
         self._deadlines.set(call.call_id, min(at, call.expires_at))
 
     def _do_slide(self, call: Call, pdu: RpcPdu | None, now: int) -> None:
