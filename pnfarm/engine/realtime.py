@@ -31,6 +31,8 @@ __all__ = ["RealTimeEngine", "RealTimeSettings", "run_loop"]
 MAX_BATCHES = 16
 #: Added to a stamp, it lies behind every time of the engine.
 FAR_FUTURE = 1 << 62
+#: How often :meth:`RealTimeEngine.stop` waits for the thread, and for how long each time.
+STOP_WAITS, STOP_SECONDS = 50, 0.1
 #: More than a clock that is slewed runs ahead within a tick.
 STEP_NS = 100_000
 LATENESS_BUCKETS = len(LATENESS_EDGES_NS) + 1
@@ -312,12 +314,16 @@ class RealTimeEngine:
 
     def stop(self) -> None:
         """Ask the thread to return and wait for it (at most one tick, 5 s for a machine under load)."""
-        if self._thread is not None:
-            self.columns.engine[0].stop = 1
-            self._thread.join(timeout=5.0)
-            if self._thread.is_alive():
-                raise InternalError("the engine's thread did not return within 5 s")
-            self._thread = None
+        if self._thread is None:
+            return
+        self.columns.engine[0].stop = 1
+        # a machine that stands for seconds takes one of the waits, whatever its length
+        for _ in range(STOP_WAITS):
+            self._thread.join(STOP_SECONDS)
+            if not self._thread.is_alive():
+                self._thread = None
+                return
+        raise InternalError(f"the engine's thread did not return within {STOP_WAITS * STOP_SECONDS:g} s")
 
     def close(self) -> None:
         self.stop()

@@ -71,3 +71,20 @@ def test_an_engine_that_keeps_its_processor_for_itself_is_given_back_to_the_ordi
         assert said == ([realtime.BUSY_LOOKS - 1] if granted else []), "not at once, and once"
         assert os.sched_getscheduler(thread) == os.SCHED_OTHER
         assert "SCHED_FIFO 1" not in engine.report.granted
+
+
+def test_a_stop_whose_first_wait_is_over_late_waits_again(monkeypatch):
+    """As on a machine that stands: the wait's time is over, and the thread has not run."""
+    with started(RealTimeSettings(fifo_priority=0)) as (engine, _):
+        thread = engine._thread
+        waits = []
+
+        def join(timeout):
+            waits.append(timeout)
+            if len(waits) == 3:
+                type(thread).join(thread)
+
+        monkeypatch.setattr(thread, "join", join)
+        engine.stop()
+        assert len(waits) == 3
+        assert not engine.running
