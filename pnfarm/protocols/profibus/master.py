@@ -169,6 +169,8 @@ class _Pending:
     left: int
     due_ns: int = 0
     sent_ns: int = 0
+    #: Its answer ends the master's work with the station.
+    releases: bool = False
 
 
 class Master:
@@ -388,7 +390,10 @@ class Master:
         return None
 
     def _put(self, station: Station, telegram: Telegram, *, acyclic: bool) -> None:
-        self._ready = _Pending(station, telegram, emit_telegram(telegram), acyclic, self.settings.retries)
+        self._ready = _Pending(
+            station, telegram, emit_telegram(telegram), acyclic, self.settings.retries,
+            releases=self._released and not acyclic,
+        )  # fmt: skip
 
     def _srd(self, station: Station, dsap: int | None, ssap: int | None, data: bytes, how: Request) -> Telegram:
         if station.valid_fcb:
@@ -469,7 +474,8 @@ class Master:
             failed = telegram.code if isinstance(telegram, Telegram) and telegram.code in _FAILED else None
             station.connection.answered(data, failed, now)
             return
-        if self._released:
+        if pending.releases or station.state is SlaveState.STOPPED:
+            # what was on its way when the release began goes on: the slave is to be released yet
             station.state = SlaveState.STOPPED
             return
         failed = isinstance(telegram, Telegram) and telegram.code in _FAILED

@@ -256,3 +256,25 @@ def test_released_slaves_wait_for_parameters():
     assert {slave.state for slave in line.slaves} == {DpState.WAIT_PRM}
     left = [event for event in line.slaves[0].take_events() if isinstance(event, Left)]
     assert left[-1].why == "unlocked"
+
+
+@pytest.mark.parametrize("request_of", ["poll", "parameters", "diagnosis"])
+def test_a_slave_whose_answer_was_under_way_when_the_release_began_is_released_as_well(request_of):
+    """The master is asked to stop at any time, mostly while it waits for an answer."""
+    line = DpLine(2)
+    sap = {"poll": None, "parameters": Sap.SET_PARAMETERS, "diagnosis": Sap.SLAVE_DIAGNOSIS}[request_of]
+    released = []
+
+    def release(who, octets):
+        telegram = parse_telegram(octets)
+        if who == "master" and telegram.destination == 3 and telegram.dsap == sap and not released:
+            released.append(telegram)
+            line.master.release(line.now)
+        return octets
+
+    line.lose = release
+    assert line.run(1.0, until=lambda: bool(released) and line.master.all_stopped)
+    assert [slave.state for slave in line.slaves] == [DpState.WAIT_PRM] * 2
+    line.run(0.5)
+    assert line.master.all_stopped
+    assert "watchdog" not in {event.why for event in line.slaves[0].take_events() if isinstance(event, Left)}
