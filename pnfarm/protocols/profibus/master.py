@@ -496,14 +496,17 @@ class Master:
 
     def _exchanged(self, station: Station, telegram: Line, now: int) -> None:
         data = telegram.data if isinstance(telegram, Telegram) else b""
+        tells = isinstance(telegram, Telegram) and telegram.code in {Answer.DH, Answer.RDH}
+        if tells and not station.plan.input_octets and len(data) == 1:
+            # one octet that means nothing carries the priority (8.3.6)
+            data = b""
         if len(data) != station.plan.input_octets:
             self._lose(station, f"{len(data)} octets of inputs instead of {station.plan.input_octets}", now)
             return
         station.answers += 1
         station.inputs, station.answered_ns = data, now
         self._fresh.append(station)
-        if isinstance(telegram, Telegram) and telegram.code in {Answer.DH, Answer.RDH}:
-            station.wants_diagnosis = True
+        station.wants_diagnosis |= tells
 
     def _diagnosed(self, station: Station, telegram: Line, now: int) -> None:
         try:

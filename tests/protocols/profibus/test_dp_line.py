@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from dp_line import IDENT, MS, DpLine
 
@@ -164,6 +166,20 @@ def test_a_diagnosis_in_data_exchange_is_fetched_once_and_a_static_one_again_and
     count = len(line.events)
     line.run(0.1)
     assert len(line.events) == count
+
+
+def test_the_diagnosis_of_a_slave_without_inputs_is_read_and_data_exchange_goes_on():
+    line = DpLine(1)
+    station, drive = line.master.stations[0], line.drives[0]
+    station.plan = replace(station.plan, input_octets=0)
+    drive.inputs = lambda: b""
+    assert line.run(1.0, until=lambda: line.exchanging)
+    line.events.clear()
+    drive.error, drive.extended = True, b"\x02\x01"
+    line.slaves[0].diagnosis_changed()
+    line.run(0.2)
+    assert [(type(event), getattr(event, "why", "")) for event in line.events] == [(DiagnosisRead, "")]
+    assert (station.losses, station.connects) == (0, 1)
 
 
 def test_clear_makes_outputs_zero_until_operate():
