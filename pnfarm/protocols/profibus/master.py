@@ -47,6 +47,8 @@ __all__ = [
     "SlaveState", "Station",
 ]  # fmt: skip
 
+#: A slave that was never connected is tried again after this time, also where a lost one stays lost.
+RETRY_NS: Final = 1_000_000_000
 #: Readings of the diagnosis behind Chk_Cfg until the slave has to be ready.
 MOST_DIAGNOSES: Final = 50
 #: Upper bounds of the histogram of answer times (Tsdr with the line's latency), ns; a last bucket takes the rest.
@@ -71,7 +73,7 @@ class MasterSettings:
 
 @dataclass(frozen=True, slots=True)
 class SlavePlan:
-    """What a slave is to be.  ``reconnect_ns``: pause behind a lost slave or a refusal, None: for ever."""
+    """What a slave is to be.  ``reconnect_ns``: pause behind a lost slave or a refusal, None: a lost one stays lost."""
 
     name: str
     address: int
@@ -226,6 +228,9 @@ class Master:
         if station.plan.access == "class-1" and station.state is not SlaveState.DATA:
             request.fail("the slave exchanges no data")
             return
+        if station.state is SlaveState.STOPPED:
+            request.fail(station.reason or "the slave is released")
+            return
         station.connection.ask(request, now)
 
     def control(self, command: Control, groups: int = 0) -> None:
@@ -369,9 +374,7 @@ class Master:
     def _is_due(self, station: Station, now: int) -> bool:
         if station.state is SlaveState.STOPPED:
             return False
-        return station.state is not SlaveState.WAITING or (
-            station.due_ns <= now and station.plan.reconnect_ns is not None
-        )
+        return station.state is not SlaveState.WAITING or station.due_ns <= now
 
     def _acyclic(self, now: int) -> tuple[Station, Telegram] | None:
         count = len(self.stations)
@@ -564,8 +567,9 @@ class Master:
         station.valid_fcb = False
         station.connection.lost(why, now)
         pause = station.plan.reconnect_ns
-        station.state = SlaveState.STOPPED if self._released or (pause is None and exchanged) else SlaveState.WAITING
-        station.due_ns = now + (pause or 0)
+        stays_lost = pause is None and station.connects
+        station.state = SlaveState.STOPPED if self._released or stays_lost else SlaveState.WAITING
+        station.due_ns = now + (RETRY_NS if pause is None else pause)
 
 
 _FAILED: Final = frozenset({Answer.UE, Answer.RR, Answer.RS, Answer.NR})

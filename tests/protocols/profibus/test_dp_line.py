@@ -68,6 +68,33 @@ def test_a_slave_that_falls_silent_is_lost_and_comes_back():
     assert line.master.stations[1].connects == 1
 
 
+def _unplugged(line, cut):
+    line.lose = lambda _who, octets: None if cut[0] else octets
+
+
+def test_without_reconnect_a_lost_slave_stays_lost_and_requests_for_its_records_fail_at_once():
+    line, cut = DpLine(1), [False]
+    line.plans[0] = line.master.stations[0].plan = replace(line.plans[0], reconnect_ns=None)
+    _unplugged(line, cut)
+    assert line.run(1.0, until=lambda: line.exchanging)
+    cut[0] = True
+    assert line.run(1.0, until=lambda: line.master.all_stopped)
+    cut[0] = False
+    asked = RecordRequest.read(0, 47, 10)
+    line.master.ask("s0", asked, line.now)
+    assert (asked.done, asked.error) == (True, "no answer")
+    assert line.master.next_deadline() is None
+
+
+def test_without_reconnect_a_slave_that_was_never_there_is_still_awaited():
+    line, cut = DpLine(1), [True]
+    line.plans[0] = line.master.stations[0].plan = replace(line.plans[0], reconnect_ns=None)
+    _unplugged(line, cut)
+    assert not line.run(3.0, until=lambda: line.exchanging)
+    cut[0] = False
+    assert line.run(2.0, until=lambda: line.exchanging)
+
+
 def test_one_lost_answer_is_repeated_with_the_same_fcb_and_counts_once_for_the_slave():
     line = DpLine(1)
     line.run(1.0, until=lambda: line.exchanging)
