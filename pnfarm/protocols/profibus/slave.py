@@ -520,9 +520,10 @@ class Slave:
             self._leave(PARAMETERS_AGAIN, now)
         self.faults = _Faults()
         self._set_min_tsdr(parameters)
-        self._cyclic = _Cyclic(telegram.source, parameters, parameters.watchdog_ns(), now)
+        watchdog_ns = parameters.watchdog_ns(v1=self.options.v1)
+        self._cyclic = _Cyclic(telegram.source, parameters, watchdog_ns, now)
         self._go(_Sign.PARAMETERS)
-        self._events.append(ParametersTaken(telegram.source, parameters))
+        self._events.append(ParametersTaken(telegram.source, parameters, watchdog_ns))
         return ShortAck()
 
     def _parameters_wrong(self, parameters: Parameters) -> str | None:
@@ -646,13 +647,15 @@ class Slave:
 
 
 def _unsupported(parameters: Parameters, options: SlaveOptions) -> list[str]:
-    """What a Set_Prm asks for and the slave lacks; the octets of DP-V1 count where it is enabled."""
+    """What a Set_Prm asks for and the slave lacks; the octets of DP-V1 count where it is enabled.
+
+    Those of a slave without it are its user's.
+    """
     asked, (one, _, three) = parameters.status, parameters.v1
-    v1 = bool(one & V1Status1.DPV1_ENABLE)
+    v1 = options.v1 and bool(one & V1Status1.DPV1_ENABLE)
     lacks = {
         "freeze": asked & PrmStatus.FREEZE_REQ and not options.supports_freeze,
         "sync": asked & PrmStatus.SYNC_REQ and not options.supports_sync,
-        "DP-V1": v1 and not options.v1,
         "fail-safe outputs": v1 and one & V1Status1.FAIL_SAFE and not options.supports_fail_safe,
         "slave-to-slave communication": v1 and one & V1Status1.PUBLISHER,
         "isochronous mode": v1 and three & V1Status3.ISOCHRONOUS,

@@ -109,6 +109,8 @@ class ParametersTaken(SlaveEvent):
 
     master: int
     parameters: Parameters
+    #: 0 without one.
+    watchdog_ns: int
 
 
 @dataclass(frozen=True, slots=True)

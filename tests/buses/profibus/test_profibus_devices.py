@@ -123,6 +123,15 @@ def test_empty_outputs_are_taken_as_zero_only_where_the_file_says_fail_safe(tmp_
     assert (cell.signals("valve").get("slot1_out_0_0"), cell.signals("valve").good("slot1_out_0_0")) == (False, False)
 
 
+def test_a_device_without_dp_v1_has_octets_of_set_prm_that_mean_nothing_of_it(tmp_path):
+    text = (CONFIGS / VALVE).read_bytes().replace(b"0x01,0x02", b"0x84,0x02")
+    (tmp_path / "valve.gsd").write_bytes(text)
+    cell = SlaveCell(f"devices: [{{name: valve, gsd: {tmp_path / 'valve.gsd'}, address: 9}}]\n")
+    cell.connect()
+    connection = cell.device("valve").connection()
+    assert (connection.exchanging, connection.watchdog_ns) == (True, 100_000_000)
+
+
 def test_outputs_are_zero_and_bad_when_the_master_is_lost_and_inputs_stay():
     cell = SlaveCell(ONE)
     cell.connect()

@@ -186,7 +186,7 @@ def test_parameters_that_do_not_fit_are_told_by_the_diagnosis(bench, given, bit)
     ("options", "user", "lacking"),
     [({"supports_sync": False}, "80 00 00", "sync"), ({"supports_freeze": False}, "80 00 00", "freeze"),
      ({}, "C0 00 00", "fail-safe outputs"), ({}, "A0 00 00", "slave-to-slave communication"),
-     ({}, "80 00 10", "isochronous mode"), ({"v1": False}, "80 00 00", "DP-V1")],
+     ({}, "80 00 10", "isochronous mode")],
 )  # fmt: skip
 def test_what_the_slave_lacks_is_not_supported(options, user, lacking):
     bench = Bench(**options)
@@ -200,8 +200,9 @@ def test_what_the_slave_lacks_is_not_supported(options, user, lacking):
 
 def test_octets_of_a_user_without_dp_v1_ask_for_no_modes_of_it():
     bench = Bench(v1=False)
-    bench.parameters(user=bytes.fromhex("60 FF FF"))
+    bench.parameters(user=bytes.fromhex("FF FF FF"))
     assert bench.slave.state is DpState.WAIT_CFG
+    assert bench.slave.watchdog_ns == 100 * MS
 
 
 def test_alarms_are_not_supported(bench):

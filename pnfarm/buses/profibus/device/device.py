@@ -278,15 +278,15 @@ class ProfibusDevice:
                 self._line_changed()
                 self._show_rate()
                 self.note(now, happened.BaudRateLost())
-            case dp.ParametersTaken(master, parameters):
+            case dp.ParametersTaken(master, parameters, watchdog_ns):
                 # one that never came to data exchange goes on: a master may try for hours
                 self.number += self._exchanged
                 self._exchanged = False
-                self._watchdog_ns = parameters.watchdog_ns()
+                self._watchdog_ns = watchdog_ns
                 wrong = self.kind.parametrised(parameters)
-                visits.opened(Caller(str(master)), self.number, 0, parameters.watchdog_ns(), now)
+                visits.opened(Caller(str(master)), self.number, 0, watchdog_ns, now)
                 visits.take(StartUpPhase("parameters", self.number), now)
-                self.note(now, happened.ParametersTaken(master, parameters.watchdog_ns(), connection=self.number))
+                self.note(now, happened.ParametersTaken(master, watchdog_ns, connection=self.number))
                 if wrong is not None:
                     doubt = Refusal(f"Set_Prm taken though it is wrong: {wrong}", works=True)
                     visits.refused(Caller(str(master)), [doubt], final=False)

@@ -182,11 +182,11 @@ class Parameters(Sized, sizes=range(7, 245), text="Set_Prm of {} octets"):
         one, two, three = (self.user[:3] + bytes(3))[:3]
         return one, two, three
 
-    def watchdog_ns(self) -> int:
-        """Time of the watchdog; 0 without one."""
+    def watchdog_ns(self, *, v1: bool = True) -> int:
+        """Time of the watchdog; 0 without one.  ``v1``: the slave has DP-V1, so that its octets say the base."""
         if not self.status & PrmStatus.WD_ON:
             return 0
-        base = 1_000_000 if self.v1[0] & V1Status1.WD_BASE_1MS else 10_000_000
+        base = 1_000_000 if v1 and self.v1[0] & V1Status1.WD_BASE_1MS else 10_000_000
         return self.factors[0] * self.factors[1] * base
 
 
