@@ -433,7 +433,8 @@ class Slave:
         wanted = self.user.output_octets
         parameters = cyclic.parameters
         fail_safe = (
-            not data
+            wanted > 0
+            and not data
             and self.options.supports_fail_safe
             and parameters is not None
             # without DP-V1 its GSD file alone says that it takes such outputs

@@ -132,6 +132,16 @@ def test_a_device_without_dp_v1_has_octets_of_set_prm_that_mean_nothing_of_it(tm
     assert (connection.exchanging, connection.watchdog_ns) == (True, 100_000_000)
 
 
+@pytest.mark.parametrize("fail_safe", [0, 1])
+def test_a_device_without_outputs_is_polled_like_any_other_whatever_its_file_says_of_empty_outputs(tmp_path, fail_safe):
+    text = (CONFIGS / VALVE).read_bytes().replace(b"0x11,0x20", b"0x11") + b"Fail_Safe = %d\n" % fail_safe
+    (tmp_path / "valve.gsd").write_bytes(text)
+    cell = SlaveCell(f"devices: [{{name: valve, gsd: {tmp_path / 'valve.gsd'}, address: 9}}]\n")
+    cell.connect()
+    assert cell.device("valve").connection().cycle_ns == 5_000_000
+    assert cell.farm.station("valve").image.valid
+
+
 def test_outputs_are_zero_and_bad_when_the_master_is_lost_and_inputs_stay():
     cell = SlaveCell(ONE)
     cell.connect()
