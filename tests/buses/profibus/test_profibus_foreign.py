@@ -121,6 +121,11 @@ def test_octets_of_set_prm_may_be_the_users_own(tmp_path):
     assert planned(tmp_path, more=", user: '80 00 08'").slave.user == bytes.fromhex("80 00 08")
 
 
+@pytest.mark.parametrize(("user", "factors"), [("80 00 08", (1, 10)), ("84 00 08", (1, 100))])
+def test_the_watchdog_has_the_base_that_the_users_octets_say(tmp_path, user, factors):
+    assert planned(tmp_path, more=f", user: '{user}'").slave.watchdog_factors == factors
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [({"module": "Telegram 2"}, r"device servo, .*msd\.gsd: the file has no module 'Telegram 2'"),

@@ -60,11 +60,11 @@ class ProfibusPlan:
         return None, ()
 
 
-def _watchdog(section: ProfibusController, *, v1: bool) -> tuple[tuple[int, int] | None, int]:
-    """The factors of Set_Prm, and DPV1_Status_1 for their base."""
+def _watchdog(section: ProfibusController) -> tuple[tuple[int, int] | None, int]:
+    """The factors of a drive's Set_Prm, and DPV1_Status_1 for their base."""
     if not section.watchdog_ns:
         return None, 0
-    short = v1 and section.watchdog_ns < _SHORT_NS and section.watchdog_ns % (10 * _MS)
+    short = section.watchdog_ns < _SHORT_NS and section.watchdog_ns % (10 * _MS)
     base = _MS if short else 10 * _MS
     return watchdog_factors(section.watchdog_ns, base), int(V1Status1.WD_BASE_1MS) if short else 0
 
@@ -78,7 +78,7 @@ def _plan_drive(
         )
     number = section.telegram if section.telegram is not None else model.profidrive.default_telegram
     telegram = telegram_of(model, number)
-    factors, base = _watchdog(section, v1=True)
+    factors, base = _watchdog(section)
     user = bytearray(Product.of(model).parameters).ljust(_V1_OCTETS, b"\0")
     user[0] |= V1Status1.DPV1_ENABLE | base
     return DevicePlan(
@@ -133,7 +133,13 @@ def _plan_described(
     if section.cycle_ns < gsd.interval_ns:
         least = format_duration(gsd.interval_ns)
         raise ConfigError(f"device {name}: a cycle of {format_duration(section.cycle_ns)}, its file allows {least}")
-    factors, _ = _watchdog(section, v1=False)
+    factors = None
+    if section.watchdog_ns:
+        # octets of DP-V1 say the base as well
+        short = gsd.v1 and user and user[0] & V1Status1.WD_BASE_1MS
+        if short and section.watchdog_ns > _SHORT_NS:
+            raise ConfigError(f"device {name}: its parameters have a watchdog in steps of 1 ms, which ends at 65.025 s")
+        factors = watchdog_factors(section.watchdog_ns, _MS if short else 10 * _MS)
     return DevicePlan(
         name=name,
         model=gsd.model or f"0x{gsd.ident:04X}",
