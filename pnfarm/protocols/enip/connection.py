@@ -171,7 +171,7 @@ class Connection:
     #: Priority of what is produced, which chooses its DSCP.
     priority: int = Priority.SCHEDULED
     state: ConnectionState = ConnectionState.NON_EXISTENT
-    #: Whether this connection's interval drives the production; others of the same multicast listen to it.
+    #: Whether the production began with this connection, or was taken over; others of the same multicast listen to it.
     produces: bool = False
     received: bool = False
     last_count: int | None = None
@@ -230,7 +230,7 @@ class ConnectionClosed:
 
 @dataclass(frozen=True, slots=True)
 class ProductionMoved:
-    """The connection that drove a multicast production has ended; another one takes it over, with its own interval."""
+    """The connection that drove a multicast production has ended; another one takes it over as it is."""
 
     source: Connection
     connection: Connection

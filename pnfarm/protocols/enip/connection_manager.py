@@ -194,9 +194,12 @@ class ConnectionManager:
         multicast = request.t_to_o.kind == ConnectionType.MULTICAST
         shared = self._multicasts(offer.produced) if multicast and offer is not None else []
         self._last_number += 1
-        t_to_o_id = request.t_to_o_id
+        t_to_o_id, t_to_o_api_us = request.t_to_o_id, request.t_to_o_rpi_us
         if multicast:
             t_to_o_id = shared[0].t_to_o_id if shared else self._new_id()
+        if offer is not None:
+            # whoever joins a production gets it at the interval that it has, and is told so
+            t_to_o_api_us = shared[0].t_to_o_api_us if shared else self._interval(t_to_o_api_us)
         connection = Connection(
             number=self._last_number,
             kind=asked.kind,
@@ -207,7 +210,7 @@ class ConnectionManager:
             o_to_t_id=self._new_id(),
             t_to_o_id=t_to_o_id,
             o_to_t_api_us=request.o_to_t_rpi_us,
-            t_to_o_api_us=self._interval(request.t_to_o_rpi_us) if offer else request.t_to_o_rpi_us,
+            t_to_o_api_us=t_to_o_api_us,
             timeout_multiplier=request.timeout_multiplier,
             o_to_t_size=request.o_to_t.size,
             t_to_o_size=request.t_to_o.size,

@@ -263,8 +263,23 @@ def test_a_multicast_production_goes_on_when_the_connection_that_drove_it_ends()
     rig.peer.close(1)
     before = other.received(1)
     rig.peer.run(1.0)
-    assert 48 <= other.received(1) - before <= 51, "at the other connection's interval"
+    assert 98 <= other.received(1) - before <= 101, "at the interval that it has"
     assert not other.columns.cpm[other.rows[1][1]].discarded.any(), "the sequence goes on"
+
+
+@pytest.mark.parametrize(("first", "second"), [(100_000, 10_000), (10_000, 100_000)])
+def test_whoever_joins_a_multicast_is_told_the_interval_that_it_has_and_keeps_its_connection(first, second):
+    rig = Rig(peers=2)
+    rig.peer.connect()
+    assert rig.peer.open(multicast=True, t_to_o_rpi_us=first).reply.t_to_o_api_us == first
+    other = rig.peers[1]
+    other.connect()
+    made = other.open(o_size=2, path=io_path(INPUT_ONLY), multicast=True, t_to_o_rpi_us=second)
+    assert made.reply.t_to_o_api_us == first
+    other.run(1.0)
+    rig.peer.close(1)
+    other.run(1.0)
+    assert not other.columns.cpm[other.rows[1][1]].expirations, "its data never stopped for four intervals"
 
 
 def test_one_connection_too_many_is_refused_and_its_room_comes_back():

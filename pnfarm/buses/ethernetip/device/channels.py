@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from pnfarm.engine.channels.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
 from pnfarm.engine.channels.closed_channels import ClosedChannels
-from pnfarm.firmware.drive_clock import true_duration
 from pnfarm.protocols.enip.connection import ConnectionKind
 from pnfarm.protocols.enip.wire.forward_open import Priority
 from pnfarm.wire.mac import multicast_mac
@@ -182,14 +181,8 @@ class StationChannels:
         return True
 
     def hand_over(self, source: IoChannels, heir: IoChannels) -> None:
-        """A multicast production goes on with the interval of another connection, and with its counts."""
-        row, source.provider = source.provider, None
-        if row is None:
-            return
-        provider = self.table.columns.ppm[row]
-        heir.provider = row
-        provider.cycle_ns = heir.production_ns
-        provider.slip_ns = heir.production_ns - true_duration(heir.production_ns, self._drift) if self._drift else 0.0
+        """A multicast production goes on for another connection, with its counts."""
+        heir.provider, source.provider = source.provider, None
 
     def remove(self, number: int) -> IoChannels | None:
         """A connection has ended."""

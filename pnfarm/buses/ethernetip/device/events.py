@@ -90,6 +90,6 @@ class ForwardOpenRefused(ConnectionRefused):
 
 @event("production moved")
 class ProductionMoved(Event):
-    """The connection whose interval drove a multicast production ended; another one drives it now."""
+    """The connection with which a multicast production began ended; it goes on for another one."""
 
     production_ns: int
