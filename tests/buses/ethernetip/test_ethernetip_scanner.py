@@ -15,6 +15,7 @@ from pnfarm.protocols.enip.wire.encapsulation import parse_encapsulation
 from pnfarm.protocols.enip.wire.epath import ElectronicKey, parse_epath
 from pnfarm.protocols.enip.wire.forward_open import ConnectionType, ForwardOpen, parse_forward_open
 from pnfarm.protocols.enip.wire.message import parse_request
+from pnfarm.testing import Line
 from pnfarm.wire.mac import multicast_mac
 
 IDLE = "{kind: idle}"
@@ -385,6 +386,21 @@ def test_multicast_data_come_to_the_group_that_the_drive_names():
     line.plc.release(line.world.now)
     line.run(0.5)
     assert not line.world.switch.groups
+
+
+def test_a_drive_that_is_lost_does_not_take_the_group_of_another_one_along():
+    """The standard's allocation gives drives 1,024 addresses apart the same group."""
+    line = Line.from_text(
+        "{farm: wide, link: {kind: memory}, drives: [{name: near, model: akd-ethernetip, ip: 10.77.0.11/16}, "
+        "{name: far, model: akd-ethernetip, ip: 10.77.4.11/16}], controller: {name: plc, ip: 10.77.9.1/16, "
+        "multicast: true, reconnect: off}}"
+    )
+    line.wait_connected(10)
+    assert line.controller("near")["group"] == line.controller("far")["group"]
+    line.inject("link-down", on="near")
+    line.run(5)
+    assert [line.controller(name)["losses"] for name in ("near", "far")] == [1, 0]
+    line.close()
 
 
 def test_a_second_owner_is_refused_and_takes_over_when_the_first_is_gone():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.controllers.channels import ChannelRows
@@ -48,6 +49,8 @@ class SessionChannels(ChannelRows):
         super().__init__(columns, port)
         self._address = address
         self._sockets = sockets
+        #: Sessions of each group: in a large network, devices 1,024 addresses apart have the same.
+        self._members: Counter[IPv4Address] = Counter()
         #: Whether the scanner is in run mode; else what it sends is idle.
         self.running = True
 
@@ -60,6 +63,7 @@ class SessionChannels(ChannelRows):
         groups = [item.address for item in made.items if not item.o_to_t and item.address.is_multicast]
         session.group = groups[0] if groups and wanted.multicast else None
         if session.group is not None:
+            self._members[session.group] += 1
             self._sockets.join(self._port.index, session.group)
         self._columns.image[session.index].sent[ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS] = 0
         common: dict[str, Any] = {"image": session.index, "port": self._port.index, "plain": session.index}
@@ -100,11 +104,14 @@ class SessionChannels(ChannelRows):
         session.consumers.append(consumer)
 
     def close(self, session: DeviceSession) -> None:
-        """Both directions end, and the group is left."""
+        """Both directions end, and the group is left by its last session."""
         self.close_rows(session)
-        if session.group is not None:
-            self._sockets.leave(self._port.index, session.group)
-            session.group = None
+        group, session.group = session.group, None
+        if group is not None:
+            self._members[group] -= 1
+            if not self._members[group]:
+                del self._members[group]
+                self._sockets.leave(self._port.index, group)
 
     def set_mode(self, session: DeviceSession, *, run: bool) -> None:
         """The run/idle header of what is sent, where it has one; the axis program of an idle scanner is stopped."""
