@@ -243,6 +243,14 @@ def test_a_drive_without_supply_is_found_again_when_it_is_back():
     assert len(line.world.switch.network.ends) == 2, "one stream, both ends"
 
 
+def test_a_loss_is_told_with_the_time_of_the_interval_that_the_drive_keeps():
+    line = ScannerLine(more="\n  rpi: 15ms")
+    line.connect()
+    line.cable(up=False)
+    line.run(0.5)
+    assert line.row()["last_reason"] == "no cyclic data for 320 ms", "the drive sends in whole steps of 10 ms"
+
+
 def test_without_reconnect_a_lost_drive_stays_lost():
     line = ScannerLine(program=IDLE, reconnect="off")
     line.connect()

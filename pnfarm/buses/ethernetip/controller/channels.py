@@ -119,6 +119,11 @@ class SessionChannels(ChannelRows):
             self._columns.ppm[session.provider].data_status = STATUS_GOOD if run else STATUS_GOOD & ~STATUS_RUN
         self._columns.program[session.index].enable = run and session.plan.program.enable
 
+    def awaited_ns(self, session: DeviceSession) -> int:
+        """How long data were awaited of a connection that ended for want of them."""
+        consumer = self._columns.cpm[session.consumers[0]]
+        return int(consumer.hold_ns if consumer.received else consumer.first_hold_ns)
+
     def read(self, session: DeviceSession) -> bytes:
         """Input data of a drive that came last, as far as the image holds them."""
         words = self._columns.image[session.index].received[ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS]

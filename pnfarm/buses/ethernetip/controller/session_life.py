@@ -240,8 +240,7 @@ class SessionLife(Life[DeviceSession]):
         session.measures.expirations += 1
         session.left = session.opened
         if session.state is SessionState.DATA:
-            silent_ns = session.plan.timeout_multiplier * session.plan.rpi_ns
-            self._broken(session, f"no cyclic data for {silent_ns / 1e6:g} ms", now)
+            self._broken(session, f"no cyclic data for {self._channels.awaited_ns(session) / 1e6:g} ms", now)
         self.sign(session, Sign.EXPIRED, now)
 
     def _broken(self, session: DeviceSession, reason: str, now: int) -> None:
