@@ -160,7 +160,7 @@ def connection_snapshot(connection: ConnectionView | None, now: int) -> dict[str
         "controller": _controller(connection),
         "cycle_seconds": connection.cycle_ns / 1e9,
         "watchdog_seconds": connection.watchdog_ns / 1e9,
-        "connected_seconds": (now - connection.connected_ns) / 1e9,
+        "connected_seconds": (now - connection.connected_ns) / 1e9 if connection.connected_ns else None,
     }
 
 

@@ -167,6 +167,9 @@ class EthernetIpDevice:
     def stop(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`: streams and connections are gone without a word."""
         self.connections.forget(now)
+        self.adapter.end(now)
+        self.adapter.take_outputs()
+        self.adapter.take_events()
         self._peers.clear()
         self._actions.clear()
         self.held.forget()

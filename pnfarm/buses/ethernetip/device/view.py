@@ -42,7 +42,9 @@ def connection_of(device: DeviceParts) -> ConnectionView | None:
     channels = _main(device)
     if channels is None:
         explicit = next(iter(device.adapter.manager.connections.values()), None)
-        return ConnectionView(explicit.state.value, ip=explicit.originator) if explicit is not None else None
+        if explicit is None:
+            return None
+        return ConnectionView(explicit.state.value, explicit.originator_name, explicit.originator)
     connection = channels.connection
     return ConnectionView(
         connection.state.value,
