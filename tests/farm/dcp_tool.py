@@ -31,10 +31,10 @@ class Tool:
             self.line.world.switch.send(self.port.index, octets, now)
         self.found += self.dcp.events()
 
-    def set(self, *blocks, drive=0):
-        """Results of a Set, block by block."""
+    def set(self, *blocks, drive=0, mac=b""):
+        """Results of a Set, block by block; of a station with another ``mac`` instead of a drive."""
         now = self.line.world.now
-        self.dcp.set_blocks(self.line.farm.axes[drive].port.mac, blocks, now=now)
+        self.dcp.set_blocks(mac or self.line.farm.axes[drive].port.mac, blocks, now=now)
         self.send_pending(now)
         self.line.run(0.02)
         finished = self.found.pop()

@@ -17,6 +17,7 @@ from pnfarm.protocols.profinet.cm.device.events import RecordWritten
 from pnfarm.protocols.profinet.dcp.client import HelloReceived
 from pnfarm.protocols.profinet.dcp.rules import RESET_CLEARS, HelloMode, Stored
 from pnfarm.protocols.profinet.wire.dcp.blocks import (
+    BlockError,
     IpParameterBlock,
     NameBlock,
     ResetMode,
@@ -38,16 +39,18 @@ NOBODY = IPv4Address(0)
 
 
 class Farm:
-    """Drives without a controller."""
+    """Drives without a controller, unless ``more`` of the farm file has one."""
 
-    def __init__(self, count=1, *, hello=False, memory=None):
+    def __init__(self, count=1, *, hello=False, memory=None, more=""):
         self.memory = memory or VolatileMemory()
         self.log = EventLog(quiet=True)
-        config = parse_farm(FILE.format(count=count, hello=str(hello).lower()))
+        config = parse_farm(FILE.format(count=count, hello=str(hello).lower()) + more)
         made = asyncio.run(
             controller_line.VirtualLine.create(config, memory=self.memory, log=self.log, plc_log=EventLog(quiet=True))
         )
         self.world, self.farm, self.farm_link = made.world, made.farm, made.farm_link
+        if more:
+            self.plc = made.plc
 
     def run(self, seconds):
         self.world.run(seconds)
@@ -446,3 +449,36 @@ def test_announcements_of_many_drives_reach_only_those_they_concern():
         IPv4Address("10.77.0.99"): stations[7].port.mac,
     }
     assert line.farm_link.counters.received == before + 2
+
+
+# -- a built-in controller beside them ---------------------------------------------------------------------------------
+
+
+CONTROLLER = "controller: {name: plc, ip: 10.77.1.250/23, cycle: 16ms, reconnect: {after: 30s}}\n"
+
+
+@pytest.mark.parametrize(("hello", "connected"), [(True, True), (False, False)])
+def test_a_drive_that_says_hello_is_not_waited_for(hello, connected):
+    line = Farm(hello=hello, more=CONTROLLER)
+    assert line.world.run(5.0, until=lambda: line.plc.all_connected)
+    station = line.farm.axes[0].station
+    station.power_off(line.world.now)
+    line.run(1.0)
+    assert not line.plc.all_connected
+    station.power_on(line.world.now)
+    line.farm.settle(station, line.world.now)
+    line.run(10.0)
+    assert line.plc.all_connected is connected
+
+
+def test_a_controller_answers_who_asks_it_and_keeps_its_name_and_its_address():
+    line = Farm(more=CONTROLLER)
+    assert line.world.run(5.0, until=lambda: line.plc.all_connected)
+    tool = Tool(line)
+    mac = line.plc.port.mac
+    asked = (NameBlock("plc-7", 1), address("10.77.0.99"), ResetToFactoryBlock(ResetMode.ALL << 1))
+    assert tool.set(*asked, mac=mac) == [BlockError.SET_NOT_POSSIBLE] * 3
+    assert tool.set(SignalBlock(0x0100), mac=mac) == [BlockError.OK]
+    found = tool.identify()[mac]
+    assert (found.name, str(found.ip)) == ("plc", "10.77.1.250")
+    assert line.plc.all_connected

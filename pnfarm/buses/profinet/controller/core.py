@@ -33,6 +33,14 @@ from pnfarm.protocols.profinet.rpc.client import RpcClient
 from pnfarm.protocols.profinet.rpc.events import CallFailed, CallReceived, CallReturned, Interface, RpcServerConfig
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.rpc.server import RpcServer
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
+    FactoryResetBlock,
+    FullIpSuiteBlock,
+    IpParameterBlock,
+    NameBlock,
+    ResetToFactoryBlock,
+)
+from pnfarm.protocols.profinet.wire.dcp.pdu import TYPE_REQUEST
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_CONTROLLER, UUID_PNIO_DEVICE, Opnum, object_uuid
 from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
@@ -53,6 +61,12 @@ __all__ = ["ProfinetCore"]
 FIRST_FRAME_ID = 0x8000
 #: The controller's own, which no vendor has.
 VENDOR_ID, DEVICE_ID = 0xFFFF, 0x0001
+#: What DCP may not set in a controller.
+OWN_SETTINGS = frozenset(
+    block.ID for block in (NameBlock, IpParameterBlock, FullIpSuiteBlock, FactoryResetBlock, ResetToFactoryBlock)
+)
+#: Place of DCP's service type, behind the frame id and the service id.
+_SERVICE_TYPE = 3
 
 
 class ProfinetCore(SessionCore[DeviceSession]):
@@ -88,7 +102,7 @@ class ProfinetCore(SessionCore[DeviceSession]):
             port.mac, DcpIdentity("pnfarm controller", VENDOR_ID, DEVICE_ID, role=2), name=name, address=ip
         )
         # other stations must not set the controller's name and address
-        self.dcp_self.in_operation = True
+        self.dcp_self.locked = OWN_SETTINGS
         self.ip = IpHost(port.mac, neighbours=max(256, 2 * count))
         self.ip.open_ports = {RPC_PORT, CALL_PORT}
         self.ip.set_address(ip)
@@ -140,11 +154,10 @@ class ProfinetCore(SessionCore[DeviceSession]):
             self.ip.receive(frame, now)
         elif len(frame.payload) < 2:
             self.dropped["short"] += 1
-        elif DCP_HELLO <= int.from_bytes(frame.payload[:2], "big") <= DCP_IDENTIFY_RESPONSE:
-            if frame.destination == self.port.mac:
-                self.dcp.receive(frame, now)
-            else:
-                self.dcp_self.receive(frame, now)
+        elif DCP_HELLO <= (frame_id := int.from_bytes(frame.payload[:2], "big")) <= DCP_IDENTIFY_RESPONSE:
+            # Hello is a request that nobody answers
+            asked = frame_id != DCP_HELLO and frame.payload[_SERVICE_TYPE:][:1] == bytes([TYPE_REQUEST])
+            (self.dcp_self if asked else self.dcp).receive(frame, now)
         else:
             session = self.life.by_mac.get(frame.source)
             if session is None or session.machine is None:
