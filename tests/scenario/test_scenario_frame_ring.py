@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+import resource
 import struct
 from pathlib import Path
 
-from pnfarm.links.capture.pcap import interface_description, packet_block, section_header
+import pytest
+
+from pnfarm.errors import EnvironmentError_
+from pnfarm.links.base import PortSpec
+from pnfarm.links.capture.pcap import PcapLink, interface_description, packet_block, section_header
+from pnfarm.links.memory import MemoryLink, MemorySwitch
 from pnfarm.scenario.report.capture_slices import Window, slice_capture
 from pnfarm.scenario.report.frame_ring import MAX_WINDOWS, FrameRing
 
@@ -110,6 +117,34 @@ def test_what_the_ring_had_dropped_and_what_the_file_has_no_room_for_is_told(tmp
     full.close()
     assert (tmp_path / "full.pcapng").stat().st_size <= 200_000
     assert full.not_whole >= 7
+
+
+def test_a_full_disk_is_told_once_and_what_is_missing_is_counted() -> None:
+    ring = FrameRing(Path("/dev/full"))
+    ring.want(0, 2 * S)
+    with pytest.raises(EnvironmentError_, match="cannot be written: No space left"):
+        feed(ring, 0, S)
+    ring.abandon()
+    ring.abandon()
+    assert ring.not_whole == 1
+
+
+def test_a_run_in_virtual_time_goes_on_although_the_disk_has_no_room_for_its_frames(tmp_path) -> None:
+    ring = FrameRing(tmp_path / "failures.pcapng")
+    clock = [0]
+    link = PcapLink(MemoryLink(MemorySwitch(), lambda: clock[0]), None, clock=lambda: clock[0], epoch_ns=0, sink=ring)
+    (port,) = asyncio.run(link.open([PortSpec("axis-01", bytes([2, 0, 0, 0, 0, 1]))]))
+    ring.want(0, 100 * S)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, limits[1]))
+    try:
+        for clock[0] in range(0, 10 * S, 10 * MS):
+            link.send(port.index, FRAME)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "cannot be written" in str(link.failed)
+    assert ring.not_whole == 1
+    assert slice_capture(ring.current, tmp_path / "out", [Window(0, 100 * S, None, "failed")]) > 100
 
 
 def test_the_number_of_windows_is_bounded(tmp_path) -> None:

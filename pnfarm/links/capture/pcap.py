@@ -188,6 +188,8 @@ class PcapLink(LinkWrapper):
         if writer is not None:
             try:
                 writer.close()
+            except EnvironmentError_ as exc:
+                self.failed = exc
             except OSError as exc:
                 self.failed = EnvironmentError_(f"the end of the capture could not be written: {exc.strerror}")
 

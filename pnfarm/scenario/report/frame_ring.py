@@ -8,6 +8,7 @@ writes them: neither the farm nor its event loop waits for the file.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import struct
 from collections import deque
@@ -123,19 +124,25 @@ class FrameRing:
 
     def close(self) -> None:
         """No more frames will come."""
-        if self._chunks:
-            # behind every window
-            self._chunks[-1].end_ns = _END_NS
-        self._serve(_END_NS)
-        self._chunks.clear()
-        self.held = 0
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        try:
+            if self._chunks:
+                # behind every window
+                self._chunks[-1].end_ns = _END_NS
+            self._serve(_END_NS)
+        finally:
+            self.abandon()
 
     def abandon(self) -> None:
-        """Close after an error of the capture: what is there can still be read."""
-        self.close()
+        """Close without writing, after an error of the capture: what is there can still be read."""
+        self.not_whole += len(self._asked) + len(self._windows)
+        for held in (self._asked, self._windows, self._chunks):
+            held.clear()
+        self.held = 0
+        if self._file is not None:
+            # it would write what its disk had no room for
+            with contextlib.suppress(OSError):
+                self._file.close()
+            self._file = None
 
     # --
 
@@ -150,13 +157,13 @@ class FrameRing:
                 continue
             window.whole = window.begin_ns >= self._dropped_ns
             new.append(window)
-        for window in (*self._windows, *new):
+        self._windows += new
+        for window in self._windows:
             # to an older window only the newest complete chunk is new
             for chunk in self._chunks if window in new else self._newest():
                 wanted = chunk.end_ns >= window.begin_ns and chunk.first_ns <= window.end_ns
                 if wanted and chunk.end_ns and not chunk.filed:
                     window.whole &= self._to_file(chunk)
-        self._windows += new
         self.not_whole += sum(not window.whole for window in self._windows if window.end_ns < now)
         self._windows = [window for window in self._windows if window.end_ns >= now]
 
@@ -181,6 +188,8 @@ class FrameRing:
         assert self._file is not None
         try:
             self._file.write(data)
+            # a full disk is known now, not when the file is closed
+            self._file.flush()
         except OSError as exc:
             raise EnvironmentError_(f"capture {self.current} cannot be written: {exc.strerror}") from exc
         self.filed += len(data)
