@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from browser import PROGRAM, Browser
 from junitparser import JUnitXml
+from virtual_line import VirtualLine
 
 from pnfarm.cli.commands.run import bound
 from pnfarm.cli.main import main
@@ -21,6 +22,7 @@ from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.scenario.report.capture_slices import Window, failure_windows
 from pnfarm.scenario.report.junit import write_junit
 from pnfarm.scenario.report.page import report_html
+from pnfarm.scenario.report.trace_excerpts import TraceExcerpts
 from pnfarm.scenario.virtual import run_virtual
 
 LINE = Path(__file__).resolve().parents[2] / "configs" / "scenarios" / "line.pnfarm.yml"
@@ -98,6 +100,30 @@ def test_traces_show_the_fault_and_the_failures_with_the_bits_that_changed(recor
 
 def test_a_run_without_a_report_takes_no_traces() -> None:
     assert run("\n  - wait: 1ms\n")["traces"] == []
+
+
+@pytest.mark.parametrize("harm", ["delete", "fire"])
+@pytest.mark.parametrize("marked", [False, True])
+def test_a_client_that_ends_the_traces_of_a_run_leaves_the_run_and_its_next_pictures(harm: str, marked: bool) -> None:
+    line = VirtualLine(1)
+    line.connect()
+    traces, world = line.farm.traces, line.world
+    moments = TraceExcerpts(line.farm, ["axis-01"], [], world.now)
+    line.run(1.0)
+    if marked:
+        moments.mark("before", ["axis-01"], world.now, failure=False)
+    for trace in traces.kept():
+        getattr(traces, harm)(trace.id, world.now)
+    line.run(2.0)
+    moments.look(world.now)
+    line.run(2.0)
+    moments.mark("trip", ["axis-01"], world.now, failure=False)
+    line.farm.axes[0].raise_fault(702, hold=False)
+    line.run(2.0)
+    (*_, trip) = moments.close(world.now)
+    assert trip.marks == [{"text": "trip", "seconds": 0.0, "failure": False}]
+    assert 0.0 <= (trip.trace.first("zsw1.fault_present", 1) or -1.0) < 0.1
+    assert traces.kept() == []
 
 
 def test_pictures_are_bounded_and_room_is_left_for_failures() -> None:

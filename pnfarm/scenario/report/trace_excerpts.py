@@ -146,6 +146,10 @@ class TraceExcerpts:
     def mark(self, text: str, drives: Sequence[str], now: int, *, failure: bool) -> None:
         """Something of interest happens on ``drives``."""
         self.look(now)
+        if self._trace is not None and not self._marks and self._trace.state != "waiting":
+            # another client deleted or triggered it
+            self._delete(now)
+            self._start(now)
         if self._trace is None:
             return
         if not self._marks:
@@ -164,8 +168,8 @@ class TraceExcerpts:
                 self._shown[name] = None
 
     def look(self, now: int) -> None:
-        """Keep a trace that is complete, and begin the next one."""
-        if self._trace is not None and self._marks and self._trace.complete:
+        """Keep a trace that is complete, and begin the next one, as behind one that another client deleted."""
+        if self._trace is not None and self._marks and self._trace.state in {"complete", "deleted"}:
             self._keep(now)
             self._start(now)
 
@@ -186,7 +190,7 @@ class TraceExcerpts:
     def _keep(self, now: int) -> None:
         assert self._trace is not None
         if self._trace.deleted:
-            self._trace = None
+            self._trace, self._marks, self._shown = None, [], {}
             self.note = "the scenario's trace was deleted by another client"
             return
         recording = self._trace.recording()
