@@ -82,7 +82,8 @@ class EngineEvents:
         return list(touched.values())
 
     def _catch_up(self, now: int) -> dict[int, Station]:
-        """The ring overflowed: derive the connections' events from the rows themselves."""
+        """The ring overflowed: derive the events of connections and traces from the rows themselves."""
+        self._traces.catch_up(now)
         stations = {station.index: station for station in self._stations.values()}
         for station in stations.values():
             station.device.catch_up(now)

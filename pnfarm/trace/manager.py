@@ -73,6 +73,8 @@ class Trace:
     touched_ns: int
     triggered_by: str = ""
     deleted: bool = False
+    #: The state of the row of which the log was told.
+    told: int = codes.ARMED
     #: Called once the trace is complete or deleted.
     on_end: list[Callable[[], None]] = field(default_factory=list)
 
@@ -293,24 +295,37 @@ class TraceManager:
     def triggered(self, row: int, now: int) -> None:
         """The engine triggered the trace in this row."""
         trace = self._in_row(row)
-        if trace is None:
-            return
-        probe = int(self.columns.trace[row].trigger_probe)
-        trace.triggered_by = trace.watched_probes.get(probe, trace.triggered_by)
-        self._log.record(now, "", TraceTriggered(trace.id, trace.triggered_by))
+        if trace is not None:
+            self._reached(trace, codes.TRIGGERED, now)
 
     def ended(self, row: int, now: int) -> None:
         """The trace in this row is complete."""
         trace = self._in_row(row)
-        if trace is None:
-            return
-        table = self.columns.trace[row]
-        self._log.record(now, "", TraceEnded(trace.id, min(int(table.head), int(table.capacity))))
-        self._tell(trace)
+        if trace is not None:
+            self._reached(trace, codes.ENDED, now)
+
+    def catch_up(self, now: int) -> None:
+        """Reports of the engine were lost: the rows say what they were."""
+        for trace in self.kept():
+            self._reached(trace, codes.TRIGGERED, now)
+            self._reached(trace, codes.ENDED, now)
 
     # -- inside ------------------------------------------------------------------------------------------------------
 
     def _in_row(self, row: int) -> Trace | None:
+    def _reached(self, trace: Trace, state: int, now: int) -> None:
+        """Tell once that a trace is in this state; a report may be of the trace that had the row before."""
+        table = self.columns.trace[trace.row]
+        if not trace.told < state <= int(table.state):
+            return
+        trace.told = state
+        if state == codes.TRIGGERED:
+            trace.triggered_by = trace.watched_probes.get(int(table.trigger_probe), trace.triggered_by)
+            self._log.record(now, "", TraceTriggered(trace.id, trace.triggered_by))
+        else:
+            self._log.record(now, "", TraceEnded(trace.id, min(int(table.head), int(table.capacity))))
+            self._tell(trace)
+
         return next((trace for trace in self._traces.values() if trace.row == row), None)
 
     @staticmethod

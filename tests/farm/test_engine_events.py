@@ -8,7 +8,7 @@ from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.table.channel import W_START
-from pnfarm.table.engine_row import EVENTS, EXPIRED, emit
+from pnfarm.table.engine_row import EVENTS, EXPIRED, TRACE_ENDED, emit
 from pnfarm.testing import Line
 
 PICK_AND_PLACE = Path(__file__).parents[2] / "configs" / "pick-and-place.pnfarm.yml"
@@ -73,6 +73,37 @@ def test_the_controller_ends_a_connection_whose_end_its_ring_lost_and_no_other()
     line.plc.service(line.world.now)
     assert session.state is SessionState.WAIT
     assert "data hold time" in session.measures.last_reason
+
+
+def test_a_trace_is_told_complete_once_although_the_ring_lost_its_reports(monkeypatch) -> None:
+    line = connected()
+    fields = {"on": "all", "signals": ["velocity"], "trigger": "velocity rising 10", "length": "10ms"}
+    trace = line.farm.traces.start(fields, line.world.now)
+    ended: list[str] = []
+    trace.on_end.append(lambda: ended.append(trace.state))
+    with monkeypatch.context() as stalled:
+        # the event loop stands still
+        stalled.setattr(line.farm, "service", lambda now: None)
+        assert line.world.run(2.0, until=lambda: trace.complete)
+        overrun(line.farm.columns)
+    line.farm.service(line.world.now)
+    assert ended == ["complete"]
+    assert trace.triggered_by == "axis-01"
+    line.run(0.1)
+    told = [entry.event for entry in line.log.entries() if entry.event.startswith("trace")]
+    assert told == ["trace triggered", "trace complete"]
+
+
+def test_a_report_of_the_trace_before_in_the_same_row_does_not_end_the_present_one() -> None:
+    line = connected()
+    trace = line.farm.traces.start({"on": "all", "signals": ["velocity"], "trigger": "manual"}, line.world.now)
+    ended: list[str] = []
+    trace.on_end.append(lambda: ended.append(trace.state))
+    line.run(0.1)
+    emit(line.farm.columns.engine[0], line.farm.columns.events, TRACE_ENDED, trace.row, line.world.now, 5)
+    line.farm.service(line.world.now)
+    assert ended == []
+    assert "trace complete" not in [entry.event for entry in line.log.entries()]
 
 
 def test_inputs_that_a_plant_gives_go_on_although_the_ring_lost_its_report() -> None:
