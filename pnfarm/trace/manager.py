@@ -113,7 +113,7 @@ class Trace:
         row = self._table
         state = int(row.state)
         triggered = state in {codes.TRIGGERED, codes.ENDED}
-        samples = self._samples()
+        _, samples = self._samples()
         start = (int(row.trigger_ns) if triggered else int(row.started_ns)) - int(row.started_ns)
         since = samples[:, 0] - start
         # more is kept from before the trigger than was asked for (EVENT_NS)
@@ -142,19 +142,20 @@ class Trace:
         if int(row.state) not in {codes.TRIGGERED, codes.ENDED}:
             return min(int(row.head), int(row.capacity))
         first = int(row.trigger_ns) - int(row.started_ns) - self.request.pre_ns
-        return int((self._samples(columns=1)[:, 0] >= first).sum())
+        return int((self._samples(columns=1)[1][:, 0] >= first).sum())
 
     def since(self, count: int) -> tuple[int, Any, dict[str, Any]]:
         """For a viewer that has seen the first ``count`` samples: how many there are, and the times and values of more.
 
         Times are ns after the trace began, values by signal of its first drive.  What the ring has lost is left out.
         """
-        head = int(self._table.head)
-        samples = self._samples(count)
+        head, samples = self._samples(count)
         return head, samples[:, 0], {chosen.signal.name: _values(chosen, samples) for chosen in self.columns}
 
-    def _samples(self, first: int = 0, columns: int | None = None) -> Any:
-        """A copy of the samples in the ring from the ``first`` on, oldest first.  The engine may write meanwhile.
+    def _samples(self, first: int = 0, columns: int | None = None) -> tuple[int, Any]:
+        """How many there were, and a copy of those in the ring from the ``first`` on, oldest first.
+
+        The engine may write meanwhile.
 
         ``columns``: only so many of them; the first one is the time.
         """
@@ -167,7 +168,7 @@ class Trace:
         copied = part[places % capacity]
         # the engine has begun to overwrite the oldest ones if it went on
         overwritten = max(0, int(row.head) + 1 - capacity) if int(row.state) != codes.ENDED else 0
-        return copied[places >= overwritten]
+        return head, copied[places >= overwritten]
 
 
 def _values(chosen: ColumnPlace, samples: Any) -> Any:
@@ -312,7 +313,6 @@ class TraceManager:
 
     # -- inside ------------------------------------------------------------------------------------------------------
 
-    def _in_row(self, row: int) -> Trace | None:
     def _reached(self, trace: Trace, state: int, now: int) -> None:
         """Tell once that a trace is in this state; a report may be of the trace that had the row before."""
         table = self.columns.trace[trace.row]
@@ -326,6 +326,7 @@ class TraceManager:
             self._log.record(now, "", TraceEnded(trace.id, min(int(table.head), int(table.capacity))))
             self._tell(trace)
 
+    def _in_row(self, row: int) -> Trace | None:
         return next((trace for trace in self._traces.values() if trace.row == row), None)
 
     @staticmethod

@@ -380,6 +380,24 @@ def test_the_samples_that_are_told_are_those_of_the_recording_whatever_else_is_k
     assert trace.as_dict()["samples"] == len(trace.recording().time) == 51
 
 
+def test_a_viewer_gets_each_sample_once_although_the_engine_goes_on_meanwhile(
+    line: VirtualLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trace = start(line, signals=["velocity"], trigger="manual", pre="1s")
+    copied = Trace._samples
+
+    def slowly(self: Trace, *args: Any) -> Any:
+        line.world.run(0.01)
+        return copied(self, *args)
+
+    monkeypatch.setattr(Trace, "_samples", slowly)
+    seen, times = 0, []
+    for _ in range(5):
+        seen, more, _ = trace.since(seen)
+        times += more.tolist()
+    assert len(times) == len(set(times)) == seen > 40
+
+
 def test_csv_names_time_drive_signal_and_unit(line: VirtualLine) -> None:
     line.enable()
     got = recorded(line, signals=["velocity", "state", "zsw1"], length="3ms")
