@@ -361,6 +361,20 @@ def test_injected_faults_in_force_are_shown_by_drive():
     assert of(read(collector), "pnfarm_drive_faults_active", drive="axis-02") == 0
 
 
+def test_hundreds_of_injected_faults_on_one_drive_are_counted_while_they_come_and_go():
+    line = VirtualLine(1)
+    collector = FarmCollector(line.farm)
+    line.connect()
+    fault = {"kind": "record-delay", "on": "axis-01", "params": {"delay": "1ms"}}
+    begun = [line.farm.injections.inject(fault, line.world.now).id for _ in range(300)]
+    for left in (300, 255, 1, 0):
+        for one in begun[left:]:
+            line.farm.injections.clear(one, line.world.now)
+        del begun[left:]
+        line.run(0.01)
+        assert of(read(collector), "pnfarm_drive_faults_active", drive="axis-01") == left
+
+
 def test_jitter_of_a_controller_on_time_is_none_and_a_lost_frame_is_a_missed_update():
     line = VirtualLine(1)
     collector = FarmCollector(line.farm)

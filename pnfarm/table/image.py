@@ -27,7 +27,7 @@ IMAGE = Layout(
         Field("filled", "u4", "", "transmit", "frames filled so far"),
         Field("frame_ns", "i8", "ns", "receive", "arrival of the last frame with set points, 0 = none yet"),
         Field("interval_ns", "i8", "ns", "receive", "time between the last two of one connection, 0 = only one yet"),
-        Field("injected", "u1", "", "fault", "injections in force on the station"),
+        Field("injected", "u2", "", "fault", "injections in force on the station"),
         Field("valid", "u1", "", "receive", "1 while a peer in RUN sends them with good status"),
         Field("lost", "u1", "", "receive", "why they are not valid: LOST_* below"),
         Field(

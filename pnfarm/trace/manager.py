@@ -434,8 +434,7 @@ class TraceManager:
         concerned = self._stations.concerned.get(entry.drive, ())
         if isinstance(what, InjectionBegan | InjectionEnded):
             for one in concerned:
-                change = 1 if isinstance(what, InjectionBegan) else -1
-                one.image.injected = max(0, min(255, int(one.image.injected) + change))
+                one.image.injected = int(one.image.injected) + (1 if isinstance(what, InjectionBegan) else -1)
         names = {one.name for one in concerned}
         for trace in self._traces.values():
             trigger = trace.request.trigger
