@@ -23,7 +23,7 @@ from pnfarm.vocabulary.quantities import in_unit
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from pnfarm.plant.part import PlantPart
     from pnfarm.station.axis import Axis
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pnfarm.trace.signals import TraceSignal
     from pnfarm.trace.traced import Traced
 
-__all__ = ["ColumnPlace", "TracedStations"]
+__all__ = ["ColumnPlace", "TracedStations", "names_of"]
 
 #: Columns of one trace.
 MOST_COLUMNS = 2048
@@ -70,10 +70,7 @@ class TracedStations:
     def chosen(self, request: TraceRequest) -> list[Traced]:
         """Those that its globs mean."""
         known = {name: (one.names, one.kinds) for name, one in self.by_name.items()}
-        try:
-            return [self.by_name[name] for name in matching(request.on, known)]
-        except InjectionError as exc:
-            raise TraceError(list(exc.issues)) from exc
+        return [self.by_name[name] for name in names_of(request, known)]
 
     def _signals(self, names: Sequence[str], of: Sequence[Traced]) -> list[tuple[Traced, TraceSignal]]:
         """The signals that names and globs choose ``of`` these, and those with a device or a model before theirs.
@@ -176,6 +173,14 @@ class TracedStations:
             what = f"{shown(trigger.text)} is not the same fault on all drives"
             raise TraceError([("trigger", what, "drives of one model, or `on DRIVE`")])
         return numbers.pop()
+
+
+def names_of(request: TraceRequest, known: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]) -> list[str]:
+    """Those of the ``known`` that its globs mean; raises :class:`TraceError`."""
+    try:
+        return matching(request.on, known)
+    except InjectionError as exc:
+        raise TraceError(list(exc.issues)) from exc
 
 
 @contextmanager

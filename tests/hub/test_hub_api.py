@@ -255,6 +255,21 @@ def test_a_trace_is_on_drives_of_one_shard(world):
     assert_problem(world.get(f"traces/{trace}"), 503, "not known is the rest")
 
 
+def test_a_name_of_a_trace_is_one_for_all_shards_and_free_again(world):
+    body = {"signals": ["velocity"], "length": "100ms", "as": "run"}
+    assert world.post("traces", {**body, "on": "axis-01"}).status_code == 201
+    for on in ("axis-02", "pump-01"):
+        refused = world.post("traces", {**body, "on": on})
+        assert_problem(refused, 422, "trace.as: there is a trace run already", "another name")
+    assert world.get("traces/run").json()["drives"] == ["axis-01"]
+    assert world.request("DELETE", "traces/run").status_code == 200
+    assert world.post("traces", {**body, "on": "pump-01"}).status_code == 201
+
+
+def test_drives_that_a_trace_does_not_find_are_the_field_on_of_a_trace(world):
+    assert_problem(world.post("traces", {"on": "pumps-*", "signals": ["velocity"]}), 422, "trace.on: no drive matches")
+
+
 def test_conditions_and_tags_pass_between_a_client_and_the_shard():
     world = HubWorld(("axis-{n:02}", 1))
     conditions = []

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from pnfarm.api.paths.traces import KEEP_NS
-from pnfarm.faults.plan import matching
 from pnfarm.hub.hub import passed_on
 from pnfarm.hub.shards import AwayError, no_steps
 from pnfarm.signals.device_signal import split_name
-from pnfarm.trace import TraceRequest
+from pnfarm.trace import TraceError, TraceRequest
+from pnfarm.trace.choosing import names_of
 from pnfarm.trace.trigger import SignalTrigger
 from pnfarm.web.errors import NotFoundError, RequestError
 
@@ -45,7 +45,7 @@ class HubTraces:
         """The one shard, and its drives and devices."""
         hub = self._hub
         hub.check_any()
-        names = matching(wanted.on, hub.shards.traced_as)
+        names = names_of(wanted, hub.shards.traced_as)
         trigger = [wanted.trigger.signal] if isinstance(wanted.trigger, SignalTrigger) else []
         devices = {split_name(name)[0] for name in (*wanted.signals, *trigger)} & set(hub.shards.with_signals)
         shards = {hub.shards.station_owner(name): None for name in (*names, *sorted(devices))}
@@ -59,17 +59,21 @@ class HubTraces:
             )
         return next(iter(shards)), names
 
-    async def _holder(self, trace_id: str) -> Shard:
-        """The shard that has a trace."""
+    async def _holders(self, trace_id: str) -> tuple[list[Shard], list[str]]:
+        """The shards that have a trace, and why others cannot be asked."""
         hub = self._hub
-        hub.check_any()
-        no_steps(trace_id)
         missing = [str(shard.away()) for shard in hub.shards.unreachable]
         answers = await hub.each(
             hub.shards.reachable, lambda shard: hub.ask(shard, "GET", _path(trace_id), query={"format": "status"})
         )
         missing += map(str, answers.away.values())
-        found = [shard for shard, answer in answers.good.items() if answer.good]
+        return [shard for shard, answer in answers.good.items() if answer.good], missing
+
+    async def _holder(self, trace_id: str) -> Shard:
+        """The shard that has a trace."""
+        self._hub.check_any()
+        no_steps(trace_id)
+        found, missing = await self._holders(trace_id)
         if len(found) > 1:
             sentence = f"{' and '.join(shard.label for shard in found)} have a trace {trace_id!r}: ask one of them"
             raise RequestError(sentence, status=HTTPStatus.CONFLICT)
@@ -85,7 +89,11 @@ class HubTraces:
         return {"traces": found, **self._hub.partial(answers)}
 
     async def start(self, fields: Mapping[str, Any]) -> dict[str, Any]:
-        shard, names = self._chosen(TraceRequest.parse(fields, keep_ns=KEEP_NS))
+        wanted = TraceRequest.parse(fields, keep_ns=KEEP_NS)
+        shard, names = self._chosen(wanted)
+        if wanted.name is not None and (await self._holders(wanted.name))[0]:
+            # of two shards' traces with one name none could be read here
+            raise TraceError([("as", f"there is a trace {wanted.name} already", "another name")])
         # a name of its own: those that shards make up are the same on each
         named = {**fields, "on": names, "as": fields.get("as") or f"trace-{secrets.token_hex(4)}"}
         return await self._hub.asked(shard, "POST", "traces", "id", body=named)
