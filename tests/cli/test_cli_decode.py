@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import signal
+import struct
 import subprocess
 
 import pytest
@@ -16,6 +17,7 @@ from scapy.utils import RawPcapNgReader
 
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import parse_farm
+from pnfarm.links.capture.pcap import packet_block, section_header
 
 FARM = """\
 farm: pcaptest
@@ -172,6 +174,17 @@ def test_any_file_gives_lines_or_an_error_in_one_sentence(pnfarm, tmp_path, cont
     assert found.code in {0, 2}
     assert "Traceback" not in found.err
     assert (found.code == 2) <= found.err.startswith("pnfarm: ")
+
+
+def test_a_stamp_beyond_any_calendar_is_shown_in_seconds(pnfarm, tmp_path):
+    file = tmp_path / "far.pcapng"
+    # stamps are microseconds where the interface does not say otherwise
+    interface = struct.pack("<IIHHII", 1, 20, 1, 0, 0, 20)
+    arp = bytes.fromhex("ffffffffffff02000000000108060001080006040001020000000001c0a80001000000000000c0a80002")
+    file.write_bytes(section_header() + interface + packet_block(0, arp, (1 << 64) - 1, "in"))
+    found = pnfarm("decode", file)
+    assert (found.code, found.err) == (0, "")
+    assert found.out.startswith("18446744073709.551615 02:00:00:00:00:01 -> everybody ARP who has 192.168.0.2?")
 
 
 def test_an_unknown_kind_is_an_error_in_one_sentence(pnfarm, virtual):

@@ -164,14 +164,22 @@ class _Chosen:
 
 
 def _text(line: Line, decoder: Decoder) -> str:
-    seconds, rest = divmod(line.time_ns, 1_000_000_000)
-    moment = dt.datetime.fromtimestamp(seconds, dt.UTC).astimezone()
     described = line.description
     return (
-        f"{moment:%H:%M:%S}.{rest // 1000:06} {decoder.name(line.source)} -> {decoder.name(line.destination)} "
+        f"{_clock(line.time_ns)} {decoder.name(line.source)} -> {decoder.name(line.destination)} "
         f"{described.what} {described.text}".rstrip()
         + "\n"
     )
+
+
+def _clock(time_ns: int) -> str:
+    """The time of day; of a stamp beyond any calendar, which a damaged file may have, its seconds."""
+    seconds, rest = divmod(time_ns, 1_000_000_000)
+    try:
+        moment = f"{dt.datetime.fromtimestamp(seconds, dt.UTC).astimezone():%H:%M:%S}"
+    except (ValueError, OverflowError, OSError):
+        moment = str(seconds)
+    return f"{moment}.{rest // 1000:06}"
 
 
 def _learn_farm(path: Path, decoder: Decoder) -> None:
