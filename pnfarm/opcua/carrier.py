@@ -31,6 +31,9 @@ class Carrier:
 
         def run() -> None:
             nonlocal spent
+            if not done.set_running_or_notify_cancel():
+                # whoever asked is gone
+                return
             begun = time.perf_counter()
             try:
                 found = action()
