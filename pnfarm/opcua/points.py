@@ -123,7 +123,8 @@ class FarmPoints:
             return (signals.get(name), GOOD) if signals.good(name) else (0, bad)
 
         plant = self._core.plant
-        wired = plant is not None and owner.configured_name in plant.parts and signals.owner(name) == "plant"
+        part = None if plant is None else plant.parts.get(owner.configured_name)
+        free = signal.direction == "input" if part is None else part.signals.is_free(name)
         kind = "Double" if signal.scale != 1 else _type_of(signal.type)
         point = Point(
             f"{owner.configured_name}.{name}",
@@ -131,7 +132,7 @@ class FarmPoints:
             kind,
             signal.unit,
             f"{signal.direction} of the {'controller' if owner.configured_name in self._core.devices else 'model'}",
-            signal.direction == "input" and not wired,
+            free,
         )
         self._readers[point.name] = read
         return point
@@ -140,8 +141,10 @@ class FarmPoints:
         """The present values of points that were found before."""
         return [self._readers[name]() for name in names]
 
-    def write(self, values: Sequence[tuple[Point, Value]], who: str, peer: str, *, is_news: bool) -> list[str]:
+    def write(self, values: Sequence[tuple[Point, Value]], who: str, peer: str, known: set[str]) -> list[str]:
         """Write what is writable, of each owner all at once; the status of each value.
+
+        What is not ``known`` to be written by this client is an event, and known from then on.
 
         What a fault, a force or a wire has now waits behind it: ``GoodCompletesAsynchronously``.
         """
@@ -151,9 +154,10 @@ class FarmPoints:
             wanted.setdefault(point.name.removesuffix(f".{point.signal}"), {})[point.signal] = value
         for owner, signals in wanted.items():
             found |= {f"{owner}.{name}": status for name, status in self._write(owner, dict(signals)).items()}
-        written = [name for name, status in found.items() if status.startswith(GOOD)]
-        if written and is_news:
-            self._core.log.record(self._now(), "", SignalsWritten(who, peer, shortened(written, _MOST_NAMED)))
+        news = [name for name, status in found.items() if status.startswith(GOOD) and name not in known]
+        if news:
+            known.update(news)
+            self._core.log.record(self._now(), "", SignalsWritten(who, peer, shortened(news, _MOST_NAMED)))
         self._poke()
         return [found[point.name] for point, _ in values]
 

@@ -37,8 +37,8 @@ class FarmSession(InternalSession):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        #: Nodes that this client wrote: only the first time is an event, for a simulation writes each cycle.
-        self._written: set[ua.NodeId] = set()
+        #: Points that this client wrote: only the first time is an event, for a simulation writes each cycle.
+        self._written: set[str] = set()
 
     @property
     def may_write(self) -> bool:
@@ -83,11 +83,8 @@ class FarmSession(InternalSession):
         if right:
             values = [(point, one.Value.Value.Value) for one, point in right]
             who, peer = self.user.name or "loopback", str(self.name[0])
-            nodes = {one.NodeId for one, _ in right}
-            is_news = not nodes <= self._written
-            done = iter(await self.carrier(lambda: self.points.write(values, who, peer, is_news=is_news)))
-            self._written |= nodes
-            self.nodes.outdated(nodes)
+            done = iter(await self.carrier(lambda: self.points.write(values, who, peer, self._written)))
+            self.nodes.outdated({one.NodeId for one, _ in right})
             codes = [code or next(done) for code in codes]
         return [ua.StatusCode(getattr(ua.StatusCodes, code)) for code in codes]
 

@@ -75,6 +75,10 @@ class PortSignals:
         value = float(self._values[self._numbers[name]])
         return value != 0.0 if is_bit else value
 
+    def is_free(self, name: str) -> bool:
+        """Whether it is an input that no wire writes, whoever has it now."""
+        return self.signal(name).direction == "input" and name not in self._wired
+
     def number(self, name: str) -> int:
         """The number of its value in the plant."""
         return self._numbers[name]
