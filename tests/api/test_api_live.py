@@ -66,6 +66,18 @@ def test_a_chosen_drive_is_told_in_detail(world):
     assert_problem(world.get("/api/v1/live?drive=axis-77"), 404, "axis-77")
 
 
+def test_a_motor_that_was_driven_out_of_all_numbers_hides_neither_itself_nor_other_drives():
+    world = ApiWorld(2, controller=False)
+    motor = world.line.farm.axes[0].handle.axis.motor
+    motor.velocity, motor.torque = float("nan"), float("-inf")
+    shown = dict(messages(world.get("/api/v1/live?follow=false&drive=axis-01").text))["drive"]
+    listed = world.get("/api/v1/drives").json()["drives"]
+    assert [one["name"] for one in listed] == ["axis-01", "axis-02"]
+    for one in (shown, listed[0], world.get("/api/v1/drives/axis-01").json()):
+        assert one["velocity_rpm"] == 0.0
+    assert shown["torque_newton_metres"] < -1e300
+
+
 def test_only_some_drives_are_sampled_at_once_and_the_next_is_told_so(world):
     world = ApiWorld(MOST_DRIVES + 1, controller=False)
     told = [

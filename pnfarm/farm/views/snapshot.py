@@ -5,7 +5,10 @@ Snapshots read the table and the stations; they never write (rule R8).  Times ar
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pnfarm.drives.description.parts import fault_label
 from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
@@ -76,6 +79,12 @@ def injected_faults(manager: InjectionManager) -> dict[str, list[str]]:
     return found
 
 
+def _finite(value: Any) -> float:
+    """As JSON can have it, also of a motor that something drove out of all bounds: NaN is 0, infinity the largest."""
+    number = float(value)
+    return number if math.isfinite(number) else float(np.nan_to_num(number))
+
+
 def drive_snapshot(
     core: FarmCore, station: Axis, now: int, *, injected: Mapping[str, list[str]] | None = None
 ) -> dict[str, Any]:
@@ -128,15 +137,15 @@ def drive_snapshot(
         "neighbours": seen["neighbours"],
         "fault_counts": {fault_label(number): count for number, count in sorted(station.fault_counts.items())},
         "warning": _fault(station, int(axis.warnings.code)) if axis.warnings.code else None,
-        "setpoint_rpm": float(axis.ramp.setpoint),
-        "velocity_rpm": float(axis.motor.velocity),
-        "position_revolutions": float(axis.motor.position) - float(axis.homing.origin),
+        "setpoint_rpm": _finite(axis.ramp.setpoint),
+        "velocity_rpm": _finite(axis.motor.velocity),
+        "position_revolutions": _finite(float(axis.motor.position) - float(axis.homing.origin)),
         "pitch_millimetres": station.model.pitch or None,
-        "current_amperes": float(axis.motor.current),
-        "following_error_revolutions": float(axis.positioning.following_error),
-        "torque_newton_metres": float(axis.motor.torque),
-        "bus_volts": float(axis.supply.voltage),
-        "thermal_load": float(axis.motor.thermal_load),
+        "current_amperes": _finite(axis.motor.current),
+        "following_error_revolutions": _finite(axis.positioning.following_error),
+        "torque_newton_metres": _finite(axis.motor.torque),
+        "bus_volts": _finite(axis.supply.voltage),
+        "thermal_load": _finite(axis.motor.thermal_load),
         "signalling": seen["signalling"],
         "lamps": (
             _lamps(station, exchanging=exchanging, signalling=seen["signalling"])
