@@ -10,6 +10,7 @@ import pytest
 import virtual_line
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
+from shared_line import SharedLine
 from virtual_line import VirtualLine
 
 from pnfarm.buses.registry import fault_kinds
@@ -68,6 +69,19 @@ PROMISED = {
     "pnfarm_fault_activations_total": {"kind", "drive"},
     "pnfarm_controller_fault_reaction_seconds_bucket": {"drive", "code", "kind", "le"},
 }
+#: Two controllers share a drive.
+SHARED = """
+farm: shared
+link: {kind: memory}
+drives:
+  - {name: axis-01, model: moog-msd, ip: 10.77.0.11/23, params: {P-1283: 200}}
+controller:
+  name: plc
+  ip: 10.77.1.250/23
+  cycle: 1ms
+  telegram: 1
+  program: {kind: constant, speed_rpm: 60, acknowledge_after: 200ms}
+"""
 HISTOGRAMS = (
     "pnfarm_controller_frame_interval_seconds",
     "pnfarm_controller_jitter_seconds",
@@ -223,6 +237,24 @@ def test_lost_connection_is_counted_by_reason_and_its_reconnect_is_timed():
     seconds = of(samples, "pnfarm_controller_reconnect_seconds_sum", **drive)
     assert seconds == pytest.approx((back - lost) / 1e9, abs=0.05)
     assert lost - start < 100_000_000
+
+
+def test_the_loss_of_a_connection_that_does_not_feed_the_drive_begins_no_reconnect():
+    line = SharedLine(SHARED, [lambda slot: slot == 0, lambda slot: slot == 1])
+    collector = FarmCollector(line.farm)
+    (axis,) = line.farm.axes
+    assert line.until(lambda: axis.handle.axis.drive.state == 4), line.reasons()
+    # the controller of the head module goes, that of the telegram stays
+    line.controllers[0].columns.ppm["active"] = 0
+    line.run(20.0)
+    assert axis.device.watchdog_expirations == 1
+    axis.raise_fault("32-1", hold=False)
+    line.run(5.0)
+    assert axis.handle.axis.drive.state == 4
+    samples = read(collector)
+    name = "pnfarm_controller_reconnect_seconds"
+    assert of(samples, f"{name}_count", drive="axis-01") == 1
+    assert 0.2 < of(samples, f"{name}_sum", drive="axis-01") < 2.0
 
 
 def test_fault_reaction_of_the_controller_is_timed():

@@ -28,6 +28,7 @@ from pnfarm.station.events import (
     WatchdogExpired,
 )
 from pnfarm.table.axis_codes import FAULT_SLOTS
+from pnfarm.table.image import LOST_EXPIRED
 
 if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
@@ -131,7 +132,8 @@ class Recovery:
             case FaultReacted(after_ns):
                 self._reacted(station.configured_name, after_ns)
             case WatchdogExpired():
-                if drive.connected:
+                # that of a connection which does not feed the drive takes nothing from it
+                if drive.connected and int(station.handle.image.lost) == LOST_EXPIRED:
                     self._begin(drive, when)
             case ConnectionEstablished():
                 drive.connected = True
