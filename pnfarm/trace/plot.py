@@ -112,6 +112,8 @@ def as_text(recording: Recording, width: int = 80) -> str:
     cells = max(10, width - name - side - 4)
     first, last = _span(recording)
     edges = np.searchsorted(recording.time, np.linspace(first, last, cells + 1))
+    # the last sample is in the last cell
+    edges[-1] = len(recording.time)
     lines = []
     for column, title, text in zip(recording.columns, titles, ranges, strict=True):
         short = title if len(title) <= name else title[: name - 1] + "…"

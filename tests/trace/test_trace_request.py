@@ -147,6 +147,14 @@ def test_a_recording_of_any_length_is_drawn_within_the_width(samples: int, width
         assert "█" in text.splitlines()[2]
 
 
+@pytest.mark.parametrize("samples", [2, 3, 50, 30_000])
+def test_the_last_sample_is_drawn(samples: int) -> None:
+    step = Column("axis-01", "zsw1.fault_present", "", "bit", (np.arange(samples) == samples - 1).astype(np.int64))
+    time = np.arange(samples) / 1000
+    text = as_text(Recording("t", "complete", True, "", "now", 0.001, 0, time, (step,)))
+    assert "█" in text.splitlines()[0]
+
+
 @pytest.mark.parametrize("samples", [0, 1, 50, 30_000])
 def test_svg_and_html_are_well_formed_bounded_and_name_everything(samples: int) -> None:
     svg = as_svg(recording(samples))
