@@ -34,6 +34,8 @@ class Bounded(OrderedDict[_K, _V], Generic[_K, _V]):
 
     def __setitem__(self, key: _K, value: _V) -> None:
         super().__setitem__(key, value)
+        # a key that was there keeps its place otherwise
+        self.move_to_end(key)
         if len(self) > self._most:
             self.popitem(last=False)
 
