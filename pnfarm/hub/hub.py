@@ -230,23 +230,27 @@ class Hub(Context):
         )
 
     async def ask_all(self, method: str, path: str, *keys: str) -> Answers[dict[str, Any]]:
-        """An object with these ``keys`` of every shard that can be asked."""
+        """An object with these ``keys`` of every shard."""
 
         async def one(shard: Shard) -> dict[str, Any]:
             return read(shard, await self.ask(shard, method, path), *keys)
 
-        return await self.each(self.shards.reachable, one)
+        return await self.each(self.shards, one)
 
     def partial(self, answers: Answers[Any]) -> dict[str, Any]:
         """The members of an answer that say whose part is missing; raises AwayError where nobody's is there."""
         self.check_any()
-        missing = [shard.told() for shard in self.shards.unreachable]
-        missing += [
-            {"shard": shard.label, "reason": str(answer), "since": self.wall()}
-            for shard, answer in answers.away.items()
-            if shard.asked
-        ]
+        missing = [*self.missing(answers).values()]
         return {"partial": bool(missing), "unreachable": missing}
+
+    def missing(self, answers: Answers[Any]) -> dict[Shard, dict[str, Any]]:
+        """An entry of ``unreachable`` for each shard that is away, or that did not answer just now."""
+        gone = {shard: shard.told() for shard in self.shards.unreachable}
+        return gone | {
+            shard: {"shard": shard.label, "reason": str(why), "since": self.wall()}
+            for shard, why in answers.away.items()
+            if shard.asked
+        }
 
     def check_any(self) -> None:
         """Raises :class:`AwayError` while there is nobody to ask."""

@@ -35,8 +35,8 @@ def joined_engine(engines: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def unreachable_drive(last: Mapping[str, Any], shard: Shard) -> dict[str, Any]:
-    """A drive whose shard is away: what does not move as it was, the rest as of a drive that nobody sees."""
+def unreachable_drive(last: Mapping[str, Any], why: Mapping[str, Any]) -> dict[str, Any]:
+    """A drive whose shard did not answer: what does not move as it was, the rest as of a drive that nobody sees."""
     return {
         **last,
         "state": "unreachable",
@@ -51,7 +51,7 @@ def unreachable_drive(last: Mapping[str, Any], shard: Shard) -> dict[str, Any]:
         "setpoint_rpm": 0.0,
         "current_amperes": 0.0,
         "torque_newton_metres": 0.0,
-        "unreachable": shard.told(),
+        "unreachable": why,
     }
 
 

@@ -12,6 +12,7 @@ from api_world import assert_problem
 from hub_world import HubWorld
 
 from pnfarm import __version__
+from pnfarm.hub.states import ShardEvent
 
 
 @pytest.fixture
@@ -235,6 +236,31 @@ def test_the_pages_stream_has_all_drives_and_marks_the_unreachable(world):
     assert "refuses" in row["unreachable"]["reason"]
     places, states = found["overview"]["values"]["state"]
     assert dict(zip(places, states, strict=True))[2] == -2
+
+
+def test_a_shard_that_misses_one_request_is_told_with_what_happened_and_when(world):
+    began = world.hub.wall()
+    world.run(5)
+    world[2].trouble = httpx.ReadTimeout("late")
+    pump = world.get("drives").json()["drives"][2]["unreachable"]
+    health = world.get("health").json()["unreachable"][0]
+    for told_ in (pump, health):
+        assert told_["reason"] == "s2:8702 gave no answer in time"
+        assert told_["since"] > began + 4
+
+
+def test_a_shard_that_comes_back_meanwhile_is_still_missing_in_that_answer(world):
+    world.lose(1)
+
+    def back(_):
+        # the hub's own question is answered while the other shard's answer is on its way
+        world[1].trouble = world[2].trouble = None
+        world.hub.shards.note(world.known(1), ShardEvent.ANSWERED, "", world.clock_ns, world.hub.wall())
+        return httpx.Response(200, json={"reactions": []})
+
+    world[2].trouble = back
+    view = world.get("reactions").json()
+    assert (view["partial"], [one["shard"] for one in view["unreachable"]]) == (True, ["s1:8702"])
 
 
 def test_a_trace_is_on_drives_of_one_shard(world):

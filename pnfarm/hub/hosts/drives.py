@@ -43,7 +43,7 @@ class HubDrives(Passing):
                 del answers.good[shard]
                 answers.away[shard] = AwayError(f"{shard.label} lists drives as no farm does", slug="garbage")
         partial = hub.partial(answers)
-        fresh = answers.good
+        missing, fresh = hub.missing(answers), answers.good
         conflicts = hub.shards.conflicts()
         drives = []
         for name in hub.shards.names:
@@ -53,7 +53,7 @@ class HubDrives(Passing):
             )
             drive = shard.drives[name]
             if shard not in fresh:
-                drive = unreachable_drive(drive, shard)
+                drive = unreachable_drive(drive, missing.get(shard, shard.told()))
             elif name in conflicts:
                 drive = {**drive, "claimed_by": [one.label for one in conflicts[name]]}
             drives.append(drive)

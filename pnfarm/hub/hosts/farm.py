@@ -53,9 +53,10 @@ class HubItself:
 
     async def health(self) -> dict[str, Any]:
         hub = self._hub
-        good = (await hub.ask_all("GET", "health", *Health.model_fields)).good
+        answers = await hub.ask_all("GET", "health", *Health.model_fields)
+        good = answers.good
         worst = max(good, key=lambda shard: float(good[shard]["engine_late_seconds"]), default=None)
-        missing = [shard.told() for shard in hub.shards if shard not in good]
+        missing = [*hub.missing(answers).values()]
         return {
             **joined_health(list(good.values())),
             "worst": "" if worst is None else worst.label,
