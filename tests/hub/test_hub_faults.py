@@ -96,6 +96,26 @@ def test_what_one_drive_cannot_is_injected_into_none(world):
     assert [list(fault["drives"]) for fault in world.get("faults").json()["faults"]] == [["pump-01"]]
 
 
+def test_a_name_in_force_is_taken_for_drives_of_any_shard(world):
+    first = world.post("faults", {"kind": "silence", "on": "axis-01", "as": "mine"}).json()
+    world.run(20)
+    for on in ("axis-01", "pump-01"):
+        assert_problem(world.post("faults", {"kind": "loss", "on": on, "as": "mine"}), 422, "'mine' is in force")
+    (shown,) = world.get("faults").json()["faults"]
+    assert (shown["kind"], shown["spec"], list(shown["drives"])) == ("silence", first["spec"], ["axis-01"])
+    assert world.request("DELETE", "faults/mine").status_code == 200
+    assert world.post("faults", {"kind": "loss", "on": "pump-01", "as": "mine"}).status_code == 201
+
+
+def test_what_is_refused_does_not_change_what_is_shown_as_asked_for(world):
+    world.post("faults", {"kind": "silence", "on": "axis-01", "as": "mine"})
+    # as if it had begun behind the hub's look at the names
+    world[1].trouble = lambda request: httpx.Response(404 if request.method == "GET" else 422, json={"detail": "taken"})
+    assert_problem(world.post("faults", {"kind": "loss", "on": "axis-02", "as": "mine"}), 422, "taken")
+    world[1].trouble = None
+    assert world.get("faults/mine").json()["spec"]["kind"] == "silence"
+
+
 def test_a_shard_that_is_away_is_told_by_each_change(world):
     world.post("faults", {"kind": "silence", "on": "all", "as": "before"})
     world.lose(2)

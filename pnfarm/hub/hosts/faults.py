@@ -150,7 +150,9 @@ class HubFaults:
         hub = self._hub
         name = str(fields.get("as") or f"f-{secrets.token_hex(4)}")
         plan = whole = self._plan({**fields, "as": name})
-        self._refuse_taken(name)
+        if "as" in fields:
+            await self._look(name, hub.shards.reachable)
+            self._refuse_taken(name)
         silent: dict[Shard, AwayError] = {}
         if len(plan.at) + len(plan.away) > 1:
             reached = await self._ask(plan, dry_run=True)
@@ -158,9 +160,9 @@ class HubFaults:
             # one that did not answer is not waited for a second time
             silent = reached.away
             plan = dataclasses.replace(plan, at={one: names for one, names in plan.at.items() if one not in silent})
-        hub.remember(name, {**plan.spec.as_dict(), **({} if "as" in fields else {"as": name})})
         start = at_ns or self._start(plan.at)
         answers = await self._ask(plan, at_ns=start)
+        hub.remember(name, {**plan.spec.as_dict(), **({} if "as" in fields else {"as": name})})
         missing = [(shard, drives, shard.away()) for shard, drives in plan.away.items()]
         missing += [(shard, whole.at[shard], why) for shard, why in {**silent, **answers.away}.items()]
         not_hit = [
@@ -190,11 +192,13 @@ class HubFaults:
         return now + min(MOST_LEAD_NS, LEAD_NS + 2 * trip)
 
     def _refuse_taken(self, name: str) -> None:
-        """A shard that is away cannot refuse a name that it has in force."""
-        for shard in self._hub.shards.unreachable:
+        """As one farm does: a shard that is away, or that the fault is not for, cannot refuse it itself."""
+        for shard in self._hub.shards:
             if shard.faults.get(name, {"state": "ended"})["state"] != "ended":
-                what = f"an injection named {name!r} was in force on {shard.label}, which does not answer"
-                raise InjectionError([("as", what, "another name")])
+                what = f"an injection named {name!r} is in force on {shard.label}"
+                if not shard.asked:
+                    raise InjectionError([("as", f"{what}, which does not answer", "another name")])
+                raise InjectionError([("as", what, "another name, or clear it first")])
 
     @staticmethod
     def _refuse(reached: Iterable[dict[str, Any]]) -> None:
