@@ -11,13 +11,22 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.api.schemas.farm import Engine
 from pnfarm.farm.views.readiness import joined_controllers
 from pnfarm.faults.effects.evidence import NOTHING, Evidence
+from pnfarm.hub.shards import AwayError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pnfarm.hub.shards import Shard
 
-__all__ = ["at_hub", "joined_engine", "joined_fault", "joined_health", "joined_readiness", "unreachable_drive"]
+__all__ = [
+    "at_hub",
+    "joined_engine",
+    "joined_fault",
+    "joined_health",
+    "joined_readiness",
+    "unreachable_drive",
+    "with_fault_ids",
+]
 
 #: Faults with one id on two shards are one if they were added within this time of each other, s.
 ONE_FAULT_SECONDS = 15.0
@@ -32,6 +41,22 @@ def joined_engine(engines: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
         for key in _ENGINE:
             value = engine.get(key, 0)
             found[key] = max(found[key], value) if key == "lateness_max_seconds" else found[key] + value
+    return found
+
+
+def with_fault_ids(shard: Shard, view: Mapping[str, Any]) -> dict[str, Any]:
+    """A drive or a device as a shard shows it, with its faults as the hub calls them.
+
+    Raises :class:`AwayError` for what no farm shows.
+    """
+    found = dict(view)
+    try:
+        if "faults_injected" in view:
+            found["faults_injected"] = [shard.fault_id(one) for one in view["faults_injected"]]
+        if "injected" in view:
+            found["injected"] = [{**one, "id": shard.fault_id(one["id"])} for one in view["injected"]]
+    except (KeyError, TypeError) as exc:
+        raise AwayError(f"{shard.label} shows faults as no farm does", slug="garbage") from exc
     return found
 
 

@@ -107,7 +107,8 @@ class HubOverview:
                     self._changed[key][here] = version
             for text, row in (message.get("rows") or {}).items():
                 here = self._places[names[int(text)]]
-                self._rows[here] = {**row, "shard": shard.label, "unreachable": None}
+                injected = [[shard.fault_id(fault), kind] for fault, kind in row.get("injected", ())]
+                self._rows[here] = {**row, "injected": injected, "shard": shard.label, "unreachable": None}
                 self._row_changed[here] = version
             if isinstance(engine := message.get("engine"), dict):
                 self._engines[shard] = engine

@@ -16,6 +16,7 @@ from pnfarm.api.followed import values_messages
 from pnfarm.api.messages import message
 from pnfarm.api.paths.streams import ALL
 from pnfarm.errors import ConfigError
+from pnfarm.hub.merging import with_fault_ids
 from pnfarm.hub.shards import AwayError
 from pnfarm.web.bodies import PREFIX
 
@@ -107,7 +108,7 @@ class Relay:
         try:
             async for event, data in self._hub.client(shard).stream(f"{PREFIX}/live", query=query):
                 if event in {"drive", "signals"}:
-                    self._messages.append(message(event, data))
+                    self._messages.append(message(event, with_fault_ids(shard, data) if event == "drive" else data))
                 elif event == "values":
                     self._take_values(shard, data)
         except AwayError as exc:

@@ -18,12 +18,14 @@ from pnfarm.web.errors import NotFoundError, RequestError
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
 
-__all__ = ["KEEP_NS", "MOST_SHARDS", "AwayError", "Shard", "Shards", "no_steps"]
+__all__ = ["KEEP_NS", "MOST_SHARDS", "OWN_FAULT", "AwayError", "Shard", "Shards", "no_steps"]
 
 #: How long a shard that left DNS and does not answer is shown as unreachable.
 KEEP_NS = 600_000_000_000
 #: More than a plant has machines; more addresses behind a name are not asked.
 MOST_SHARDS = 256
+#: Ids of faults that a farm makes up itself.
+OWN_FAULT = re.compile(r"fault-[0-9]+")
 
 
 class AwayError(EnvironmentError_):
@@ -77,6 +79,10 @@ class Shard:
     def asked(self) -> bool:
         """Whether requests go to it."""
         return self.state in {ShardState.UP, ShardState.SILENT}
+
+    def fault_id(self, own: str) -> str:
+        """What a fault of its is called at the hub: an id that the shard made up is the same on others."""
+        return f"{own}@{self.label}" if OWN_FAULT.fullmatch(own) else own
 
     def away(self) -> AwayError:
         """Why it cannot be asked."""

@@ -239,6 +239,22 @@ def test_a_fault_on_a_device_that_no_shard_has_is_refused_before_the_scenario_be
     assert_problem(cells.post("scenarios", {"text": f"{HEAD}  - fault: {fault}\n"}), 422, sentence)
 
 
+def test_a_fault_of_a_shards_own_is_shown_everywhere_by_the_name_that_ends_it(cells):
+    farm = cells[2].farm
+    farm.injections.inject({"kind": "silence", "on": ["pump-01", "island-2"]}, cells[2].line.world.now)
+    own = "fault-1@s2:8702"
+    assert [fault["id"] for fault in cells.get("faults").json()["faults"]] == [own]
+    assert cells.get("drives").json()["drives"][1]["faults_injected"] == [own]
+    assert cells.get("drives/pump-01").json()["faults_injected"] == [own]
+    assert cells.get("devices").json()["devices"][1]["injected"] == [{"id": own, "kind": "silence"}]
+    assert cells.get("devices/island-2").json()["injected"] == [{"id": own, "kind": "silence"}]
+    lines = cells.get("live?follow=false&drive=pump-01").text.splitlines()
+    found = {event: json.loads(data[6:]) for event, data in itertools.pairwise(lines) if event.startswith("event: ")}
+    assert found["event: overview"]["rows"]["1"]["injected"] == [[own, "silence"]]
+    assert found["event: drive"]["faults_injected"] == [own]
+    assert cells.request("DELETE", f"faults/{own}").json()["state"] == "ended"
+
+
 def test_a_wrong_signal_of_a_fault_is_refused_by_the_shard_when_the_step_is_due(cells):
     found = carried_out(cells, HEAD + "  - fault: {kind: signal-stuck, on: island-1, params: {signal: part_presnt}}\n")
     assert found["verdict"] == "error"

@@ -10,7 +10,7 @@ from starlette.responses import Response  # noqa: TC002 - FastAPI reads the anno
 from pnfarm.api.app import add_one_drive
 from pnfarm.hub.hosts.passing import Passing
 from pnfarm.hub.hub import passed_on, read
-from pnfarm.hub.merging import joined_engine, unreachable_drive
+from pnfarm.hub.merging import joined_engine, unreachable_drive, with_fault_ids
 from pnfarm.hub.shards import AwayError
 from pnfarm.web.bodies import PREFIX, Json
 from pnfarm.web.errors import NotFoundError
@@ -51,7 +51,7 @@ class HubDrives(Passing):
             shard = next(
                 (one for one in owners if one in fresh), next((one for one in owners if one.asked), owners[-1])
             )
-            drive = shard.drives[name]
+            drive = with_fault_ids(shard, shard.drives[name])
             if shard not in fresh:
                 drive = unreachable_drive(drive, missing.get(shard, shard.told()))
             elif name in conflicts:
@@ -96,4 +96,4 @@ class HubDrives(Passing):
         """A drive with its events by the hub's clock."""
         if "events" in drive:
             drive = {**drive, "events": [self._hub.entry(shard, entry) for entry in drive["events"]]}
-        return {**drive, "shard": shard.label}
+        return {**with_fault_ids(shard, drive), "shard": shard.label}

@@ -9,7 +9,6 @@ on two shards: the hub shows them with the shard, ``fault-3@HOST:PORT``.
 from __future__ import annotations
 
 import dataclasses
-import re
 import secrets
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -22,7 +21,7 @@ from pnfarm.faults.start import seeded
 from pnfarm.faults.targets import chosen
 from pnfarm.hub.hub import RefusedError, read
 from pnfarm.hub.merging import at_hub, joined_fault
-from pnfarm.hub.shards import AwayError, no_steps
+from pnfarm.hub.shards import OWN_FAULT, AwayError, no_steps
 from pnfarm.web.errors import NotFoundError
 
 if TYPE_CHECKING:
@@ -41,8 +40,6 @@ LEAD_NS = 100_000_000
 MOST_LEAD_NS = 4_000_000_000
 #: After the start, before the shards are asked how it went.
 SETTLE_SECONDS = 0.005
-#: Ids that a farm makes up itself.
-_OWN = re.compile(r"fault-[0-9]+")
 #: Behind these a request may have been carried out; of so many faults that is remembered.
 _UNSURE = frozenset({"timeout", "broken", "garbage"})
 MOST_UNSURE = 4096
@@ -241,7 +238,7 @@ class HubFaults:
         found: dict[str, dict[str, Any]] = {}
         for shard, answer in answers.good.items():
             for fault in answer["faults"]:
-                name = self._id(shard, fault["id"])
+                name = shard.fault_id(fault["id"])
                 shown = found.setdefault(name, {"id": name, "kind": fault["kind"], "drives": []})
                 shown["drives"] += fault["drives"]
                 if fault["id"] in shard.faults:
@@ -266,7 +263,7 @@ class HubFaults:
                     del shard.faults[next(iter(shard.faults))]
             for own, one in shard.faults.items():
                 if one["state"] != "ended":
-                    ids.setdefault(self._id(shard, own))
+                    ids.setdefault(shard.fault_id(own))
         faults = sorted((self._joined(one) for one in ids), key=lambda fault: fault["added_seconds"])
         return {"faults": faults, **partial}
 
@@ -287,7 +284,7 @@ class HubFaults:
                 raise shards[0].away()
         else:
             shards = list(hub.shards)
-            if _OWN.fullmatch(fault_id):
+            if OWN_FAULT.fullmatch(fault_id):
                 allowed = f"{fault_id}@HOST:PORT with the shard, as `pnfarm fault list` shows it"
                 raise NotFoundError(f"{fault_id!r} is the name that a shard gave itself; give {allowed}")
         silent = await self._look(own, [shard for shard in shards if shard.asked])
@@ -314,9 +311,6 @@ class HubFaults:
 
         return dict((await self._hub.each(shards, one)).away)
 
-    def _id(self, shard: Shard, own: str) -> str:
-        return f"{own}@{shard.label}" if _OWN.fullmatch(own) else own
-
     def _joined(self, fault_id: str) -> dict[str, Any]:
         hub = self._hub
         own, label = _parted(fault_id)
@@ -332,7 +326,7 @@ class HubFaults:
 def _parted(fault_id: str) -> tuple[str, str]:
     """A fault's id on the shards, and the shard's label, if it has one."""
     own, _, label = fault_id.rpartition("@")
-    return (own, label) if _OWN.fullmatch(own) else (fault_id, "")
+    return (own, label) if OWN_FAULT.fullmatch(own) else (fault_id, "")
 
 
 def _is_late(answer: Answer) -> bool:
