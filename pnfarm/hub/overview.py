@@ -36,6 +36,9 @@ class HubOverview:
         self.version = 0
         self._engines: dict[Shard, Mapping[str, Any]] = {}
         self._engine_changed = 0
+        self._places: dict[str, int] = {}
+        self._values = {name: np.full(0, _NEVER, np.int64) for name in VALUES}
+        self._rows: list[dict[str, Any]] = []
         self._lay_out()
 
     def refresh(self) -> None:
@@ -52,13 +55,14 @@ class HubOverview:
         names = self._shards.names
         self.layout = self._shards.layout
         self.version += 1
+        # shards send only what changes: what is known of a drive stays
+        before = [self._places.get(name, -1) for name in names]
         self._places = {name: place for place, name in enumerate(names)}
-        self._values = {name: np.full(len(names), _NEVER, np.int64) for name in VALUES}
-        self._changed = {name: np.zeros(len(names), np.int64) for name in VALUES}
-        self._rows: list[dict[str, Any]] = [{} for _ in names]
-        self._row_changed = np.zeros(len(names), np.int64)
-        #: Drives by their place at their shard, and whether it was there at the last look.
-        self._names: dict[Shard, tuple[str, ...]] = {}
+        self._values = {name: np.append(values, _NEVER)[before] for name, values in self._values.items()}
+        self._changed = {name: np.full(len(names), self.version) for name in VALUES}
+        self._rows = [{} if place < 0 else self._rows[place] for place in before]
+        self._row_changed = np.array([self.version if row else 0 for row in self._rows], np.int64)
+        #: Whether a shard was there at the last look.
         self._asked: dict[Shard, bool] = {}
         self._texts: dict[int, bytes] = {}
         # of shards that were forgotten while nobody looked
@@ -92,9 +96,7 @@ class HubOverview:
         self.refresh()
         if not shard.asked:
             return
-        if shard not in self._names:
-            self._names[shard] = tuple(shard.drives)
-        names = self._names[shard]
+        names = tuple(shard.drives)
         version = self.version + 1
         try:
             for key, (places, values) in (message.get("values") or {}).items():

@@ -1,0 +1,53 @@
+"""All drives at a glance at the hub: what shards told stays true while other shards and drives come and go."""
+
+from __future__ import annotations
+
+import json
+
+from pnfarm.hub.overview import HubOverview
+from pnfarm.hub.shards import Shards
+from pnfarm.hub.states import ShardEvent
+
+
+def up(shards, url, *names):
+    shard = shards.give(url)
+    shards.note(shard, ShardEvent.ANSWERED, "", 0, 0.0)
+    shards.take(shard, {"drives": [{"name": name, "model": "akd-profinet"} for name in names]})
+    return shard
+
+
+def whole(*names, states):
+    """A shard's first message."""
+    rows = {str(place): {"name": name} for place, name in enumerate(names)}
+    return {"values": {"state": [None, states]}, "rows": rows}
+
+
+def shown(overview):
+    """State by drive, as a page sees it that has just been opened."""
+    overview.refresh()
+    found = json.loads(overview.since(0))
+    states = dict(zip(*found["values"]["state"], strict=True))
+    return {row["name"]: states[int(place)] for place, row in found["rows"].items()}
+
+
+def test_drives_at_rest_are_still_shown_when_a_shard_with_others_comes():
+    shards = Shards()
+    one = up(shards, "http://a:1", "axis-2", "axis-3")
+    overview = HubOverview(shards, lambda: 0)
+    overview.take(one, whole("axis-2", "axis-3", states=[4, 2]))
+    other = up(shards, "http://b:1", "axis-1")
+    assert shown(overview) == {"axis-2": 4, "axis-3": 2}
+    overview.take(other, whole("axis-1", states=[3]))
+    overview.take(one, {"values": {"state": [[1], [1]]}})
+    assert shown(overview) == {"axis-1": 3, "axis-2": 4, "axis-3": 1}
+
+
+def test_drives_that_a_new_run_has_in_another_order_are_not_taken_for_each_other():
+    shards = Shards()
+    one = up(shards, "http://a:1", "axis-1", "axis-2")
+    overview = HubOverview(shards, lambda: 0)
+    overview.take(one, whole("axis-1", "axis-2", states=[1, 2]))
+    up(shards, "http://a:1", "axis-2", "axis-1")
+    # of many drives the rows come later
+    overview.take(one, {"values": {"state": [None, [2, 1]]}})
+    assert shown(overview) == {"axis-1": 1, "axis-2": 2}
