@@ -59,6 +59,13 @@ def test_what_is_a_drives_own_goes_to_the_shard_that_has_it(world):
     assert_problem(world.get("drives/axis-77"), 404, "axis-77")
 
 
+def test_what_a_renamed_drive_lacks_is_told_as_of_any_other(world):
+    world[2].farm.station("pump-01").device.dcp.name = "press-left"
+    world.get("drives")
+    assert world.get("drives/press-left").json()["name"] == "pump-01"
+    assert_problem(world.get("drives/press-left/params/NO.SUCH"), 404, "has no parameter 'NO.SUCH'")
+
+
 def test_a_body_in_chunks_reaches_the_shard(world):
     async def body():
         yield b'{"val'

@@ -13,7 +13,6 @@ from pnfarm.hub.hub import passed_on, read
 from pnfarm.hub.merging import joined_engine, unreachable_drive, with_fault_ids
 from pnfarm.hub.shards import AwayError
 from pnfarm.web.bodies import PREFIX, Json
-from pnfarm.web.errors import NotFoundError
 
 if TYPE_CHECKING:
     from pnfarm.hub.hub import Hub
@@ -85,9 +84,6 @@ class HubDrives(Passing):
 
     async def answer(self, request: Request) -> Response:
         shard, answer = await self.asked(request)
-        name = str(request.path_params["name"])
-        if answer.status == 404 and name not in shard.drives:
-            raise NotFoundError(f"there is no drive {name!r}")
         if request.method == "GET" and answer.good and request.scope["path"].count("/") == DRIVE_STEPS:
             return Json(self._shown(shard, read(shard, answer, "name")))
         return passed_on(answer)
