@@ -279,15 +279,12 @@ class ScenarioRun(Flow):
 
     def _power(self, name: str, *, on: bool) -> None:
         station = self._stations[name].station
-        if station.powered is on:
-            return
         if on:
-            station.power_on(self._now)
             self._off.pop(name, None)
-        else:
-            station.power_off(self._now)
+        elif not station.switched_off:
             self._off[name] = None
-        self._core.settle(station, self._now)
+        if station.switch(self._now, on=on):
+            self._core.settle(station, self._now)
 
     def _load(self, step: Step) -> Life:
         wanted = step.get("drives")

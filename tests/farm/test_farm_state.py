@@ -214,6 +214,31 @@ def test_a_drive_that_was_off_is_off_again():
         line.wait_running()
 
 
+def test_a_fault_that_holds_the_supply_off_is_in_force_behind_a_restore():
+    with Line("a") as line:
+        line.wait_running()
+        state = taken(line)
+        fault = line["a"].inject("power-cycle", off="1s")
+        line.run(0.2)
+        put(line, state)
+        line.run(0.2)
+        assert not line.core.station("a").powered
+        fault.clear()
+        assert line.core.station("a").powered
+        line.wait_running()
+
+
+def test_a_drive_that_is_off_in_the_state_stays_off_behind_a_fault():
+    with Line("a") as line:
+        line["a"].power_off()
+        state = taken(line)
+        line["a"].power_on()
+        fault = line["a"].inject("power-cycle", off="1s")
+        put(line, state)
+        fault.clear()
+        assert not line.core.station("a").powered
+
+
 def test_a_drive_that_is_off_is_restored_any_number_of_times():
     with Line("a") as line:
         line["a"].power_off()

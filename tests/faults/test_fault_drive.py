@@ -190,13 +190,13 @@ def test_a_power_cycle_boots_the_drive_and_the_controller_finds_it_again(line):
 
 def test_a_power_cycle_leaves_a_drive_off_that_a_user_has_switched_off(line):
     station = line.farm.axes[0].station
-    station.power_off(line.world.now)
+    station.switch(line.world.now, on=False)
     fault = line.add("power-cycle", params={"off": "200ms"})
     line.run(1.0)
     assert not station.powered
     assert fault.state == "ended"
     assert (fault.evidence().activations, fault.evidence().confirmed) == (0, False)
-    station.power_on(line.world.now)
+    station.switch(line.world.now, on=True)
     line.enable()
 
 

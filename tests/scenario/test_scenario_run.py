@@ -65,6 +65,16 @@ def test_a_state_that_lasts_less_than_a_look_is_seen() -> None:
     assert record["verdict"] == "passed", told(record)
 
 
+def test_what_a_step_switches_off_during_a_power_cycle_stays_off() -> None:
+    record = run_steps(
+        "  - fault: {kind: power-cycle, on: axis-01, params: {off: 1s}}\n"
+        "  - wait: 500ms\n"
+        "  - power: {off: axis-01}\n"
+        "  - expect: {drive: axis-01, that: state == off, for: 2s}\n"
+    )
+    assert record["verdict"] == "passed", told(record)
+
+
 def test_for_fails_at_the_moment_it_is_broken() -> None:
     record = run_steps(
         UP

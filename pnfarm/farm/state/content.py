@@ -14,6 +14,7 @@ from pnfarm.farm.state.axis_fields import LAYOUT, fields_of, octets_of, put_octe
 from pnfarm.farm.state.plant import check_plant, filled, plain_plant
 from pnfarm.farm.state.refused import RefusedStateError, mapped
 from pnfarm.farm.state.stations import check_station, memory_of, notes_of, plain_station, put_signals
+from pnfarm.faults.effects.supply import SUPPLY
 from pnfarm.station.fault_memory import active_of
 from pnfarm.vocabulary.quoting import shortened, shown
 
@@ -124,7 +125,9 @@ def put_state(core: FarmCore, state: Mapping[str, Any], now: int) -> list[str]:
         station.power_on(now)
         for axis in station.axes:
             axis.store.put_in_force(its["axes"][axis.configured_name]["parameters"])
-        if not its["powered"]:
+        station.switched_off = not its["powered"]
+        supply = core.injections.drive(station.configured_name).find(SUPPLY)
+        if station.switched_off or (supply is not None and supply.held_off):
             station.power_off(now)
         put_signals(station, its)
         core.settle(station, now)

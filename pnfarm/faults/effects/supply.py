@@ -27,7 +27,6 @@ class Supply(DrivePart):
         self._goes_off = goes_off
         self.returned: list[Callable[[int], None]] = []
         self._off = 0
-        self._was_on = True
 
     def in_force(self) -> list[Any]:
         return ["power off"] * self._off
@@ -37,11 +36,14 @@ class Supply(DrivePart):
         """Whether it is on."""
         return self._station.powered
 
+    @property
+    def held_off(self) -> bool:
+        """Whether an injection holds it off."""
+        return self._off > 0
+
     def power_off(self, now: int) -> None:
         """Off until every caller that switched off has switched on."""
         self._off += 1
-        if self._off == 1:
-            self._was_on = self._station.powered
         if self._station.powered:
             self._goes_off()
             self._station.power_off(now)
@@ -51,7 +53,7 @@ class Supply(DrivePart):
         """Undo one :meth:`power_off`."""
         self._off -= 1
         # one that a user has switched off stays so, before or meanwhile
-        if self._off == 0 and self._was_on and not self._station.powered and not self._station.switched_off:
+        if self._off == 0 and not self._station.powered and not self._station.switched_off:
             self._station.power_on(now)
             for back in self.returned:
                 back(now)
