@@ -13,12 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from moment_cell import POSITIONS, cell_text
 
+from pnfarm.controller.line import VirtualLine
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError, EnvironmentError_
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.state import axis_fields
 from pnfarm.farm.state.content import check_state, put_state, take_state
 from pnfarm.farm.state.files import StateFiles
 from pnfarm.farm.state.refused import RefusedStateError
 from pnfarm.farm.state.states import SavedStates
+from pnfarm.station.event_log import EventLog
 from pnfarm.testing import Line
 
 BUSES = ("profinet", "ethernetip", "profibus")
@@ -259,6 +263,38 @@ def test_a_farm_of_devices_alone_has_a_state(tmp_path):
         island.release()
         put(line, state)
         assert island.signals.get("part_present") is True
+
+
+def test_a_memory_that_fills_up_meanwhile_leaves_every_drive_as_it_was():
+    class Full(VolatileMemory):
+        """With room for so many saves; what is held is read."""
+
+        room = 1_000_000
+
+        def save(self, station, values):
+            self.room -= 1
+            if self.room < 0:
+                raise EnvironmentError_("the disk is full")
+            super().save(station, values)
+
+        def hold(self, station, values):
+            VolatileMemory.save(self, station, values)
+
+    memory = Full()
+    drives = "[{name: 'axis-{n}', count: 3, model: akd-profinet, ip: 10.77.0.11/24}]"
+    text = f"farm: f\nlink: {{kind: memory}}\ndrives: {drives}\n"
+    line = asyncio.run(VirtualLine.create(parse_farm(text), memory=memory, log=EventLog(quiet=True)))
+    line.world.run(0.1)
+    state = json.loads(json.dumps(take_state(line.farm).plain()))
+    for station in line.farm.stations:
+        station.keep(line.world.now, "faults", [702])
+    memory.room = 2
+    with pytest.raises(EnvironmentError_, match="full"):
+        put_state(line.farm, check_state(line.farm, state), line.world.now)
+    for station in line.farm.stations:
+        assert memory.load(station.configured_name)["faults"] == [702]
+        station.power_cycle(line.world.now)
+        assert station.kept["faults"] == [702]
 
 
 @pytest.mark.parametrize("key", ["drive", "faults"])

@@ -212,6 +212,33 @@ def test_a_locked_file_says_so(tmp_path, monkeypatch):
         assert state.load("axis-01") == VALUES
 
 
+def test_what_could_not_be_written_is_read_and_written_with_the_next_save_or_at_the_end(tmp_path, monkeypatch):
+    monkeypatch.setattr("pnfarm.farm.memory.sqlite._BUSY_SECONDS", 0.05)
+
+    def refused(state, station):
+        other = sqlite3.connect(tmp_path / FILE_NAME, isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(EnvironmentError_):
+            state.save(station, VALUES)
+        state.hold(station, VALUES)
+        other.execute("ROLLBACK")
+        other.close()
+
+    with FarmState(tmp_path) as state:
+        state.save("axis-01", {})
+        refused(state, "axis-01")
+        assert state.load("axis-01") == VALUES
+        state.save("axis-02", {})
+        with FarmState(tmp_path) as later:
+            assert later.load("axis-01") == VALUES
+        refused(state, "axis-02")
+        state.save("axis-02", {"newer": 1})
+        assert state.load("axis-02") == {"newer": 1}
+        refused(state, "axis-03")
+    with FarmState(tmp_path) as later:
+        assert (later.load("axis-02"), later.load("axis-03")) == ({"newer": 1}, VALUES)
+
+
 def test_a_closed_memory_refuses(tmp_path):
     state = FarmState(tmp_path)
     state.close()

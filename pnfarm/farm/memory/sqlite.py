@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sqlite3
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -51,6 +51,8 @@ class FarmState:
     def __init__(self, directory: str | Path | None) -> None:
         self.file = Path(directory) / FILE_NAME if directory is not None else None
         self._lock = threading.Lock()
+        #: By station, the rows that the file does not have yet.
+        self._held: dict[str, list[tuple[str, str]]] = {}
         with self._explained("open"):
             if self.file is not None:
                 self.file.parent.mkdir(parents=True, exist_ok=True)
@@ -75,6 +77,10 @@ class FarmState:
 
     def close(self) -> None:
         """Release the file; a closed state refuses everything."""
+        if self._held:
+            # what cannot be written now is lost, as the log has reported
+            with suppress(EnvironmentError_):
+                self._write({})
         with self._lock:
             self._connection.close()
 
@@ -88,19 +94,30 @@ class FarmState:
         """What was saved last for this station, None if nothing ever was."""
         with self._lock, self._explained("read"):
             rows = self._connection.execute("SELECT key, value FROM memory WHERE station = ?", (station,)).fetchall()
+            rows = self._held.get(station, rows)
         if not rows:
             return None
         return values_of(rows, station, self.damaged)
 
     def save(self, station: str, values: dict[str, Any]) -> None:
         """Replace what is kept for this station.  TypeError for values that this memory cannot keep."""
-        rows = [(station, *row) for row in rows_of(values)]
+        self._write({station: rows_of(values)})
+
+    def _write(self, rows: dict[str, list[tuple[str, str]]]) -> None:
+        """The rows of these stations, and of those that are held."""
         with self._transaction("write"):
-            self._connection.execute("DELETE FROM memory WHERE station = ?", (station,))
-            self._connection.executemany("INSERT INTO memory VALUES (?, ?, ?)", rows)
+            written = {**self._held, **rows}
+            for station, its in written.items():
+                self._connection.execute("DELETE FROM memory WHERE station = ?", (station,))
+                self._connection.executemany("INSERT INTO memory VALUES (?, ?, ?)", [(station, *row) for row in its])
+        with self._lock:
+            for station in written:
+                self._held.pop(station, None)
 
     def hold(self, station: str, values: dict[str, Any]) -> None:
-        """See :meth:`pnfarm.drives.parameters.memory.NonVolatile.hold`: the next save of the station writes it."""
+        """See :meth:`pnfarm.drives.parameters.memory.NonVolatile.hold`: the next save of any, or the end, writes it."""
+        with self._lock:
+            self._held[station] = rows_of(values)
 
     @property
     def ready(self) -> bool:
@@ -110,6 +127,7 @@ class FarmState:
     def delete(self, station: str) -> None:
         """Delete a station's values: it starts as from the factory."""
         with self._transaction("write"):
+            self._held.pop(station, None)
             self._connection.execute("DELETE FROM memory WHERE station = ?", (station,))
 
     # --- the file -----------------------------------------------------------------------------------------------

@@ -154,7 +154,9 @@ def _replace(core: FarmCore, state: Mapping[str, Any], now: int) -> None:
             core.plant.python.put_states(state["plant"]["python"], now)
     except BaseException:
         for station, kept in before:
-            station.replace_memory(kept)
+            # what cannot be written back now is held
+            station.kept = kept
+            station.save()
         raise
 
 
