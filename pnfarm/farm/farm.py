@@ -63,7 +63,7 @@ from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.joined import JoinedLink, lines_of
 from pnfarm.links.kernel.capabilities import require_for_link
-from pnfarm.links.kernel.interfaces import Interfaces, remove_leftovers, remove_leftovers_now, run_to_completion
+from pnfarm.links.kernel.interfaces import Interfaces, remove_leftovers_now, run_to_completion
 from pnfarm.links.kernel.ownership import FarmLock, owner_of, shards_in
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.muted import MutedLink
@@ -288,10 +288,7 @@ class Farm:
         try:
             self._make_capture()
             if self.world is None:
-                await remove_leftovers(_owner(self.config, self.shard))
-                if self.shard is not None:
-                    # a killed run of the whole farm had these drives, too
-                    await remove_leftovers(_owner(self.config, None))
+                await run_to_completion(make_way, self.config, self.shard)
             else:
                 self.world.clock.now = time.monotonic_ns()
             self._state = await self._open_state()
@@ -482,6 +479,19 @@ class Farm:
 
 def _lock(config: FarmConfig, shard: Shard | None) -> FarmLock:
     return FarmLock(config.farm or "farm", config.state_directory, shard="" if shard is None else str(shard))
+
+
+def make_way(config: FarmConfig, shard: Shard | None) -> None:
+    """Remove what killed runs left that had drives of this one: of itself, of the whole farm, of other divisions.
+
+    With the lock of this one held, none of these runs.
+    """
+    farm, lock = config.farm or "farm", _lock(config, shard)
+    with Interfaces() as interfaces:
+        shards = shards_in(farm, [facts.alias for facts in interfaces.everything()])
+        others = [owner_of(farm, one) for one in ("", *shards) if lock.excludes(one)]
+        for owner in dict.fromkeys([_owner(config, shard), *others]):
+            interfaces.remove(owner)
 
 
 def remove_farm(config: FarmConfig, shard: Shard | None = None) -> list[str]:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import socket
+from types import SimpleNamespace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import pnfarm
-from pnfarm.errors import ConfigError
-from pnfarm.farm.farm import Farm
+from pnfarm.errors import ConfigError, EnvironmentError_
+from pnfarm.farm import farm as farm_module
+from pnfarm.farm.farm import Farm, make_way
 from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.farm.load import costs_of
 from pnfarm.farm.shard import Shard, parse_shard, part_of
+from pnfarm.links.kernel.ownership import FarmLock, group_of, interface_prefix, is_own, owner_of, tag
 
 MODELS = {
     "akd-profinet": "limits: lax, cycle: {0}ms",
@@ -155,3 +161,51 @@ async def test_in_memory_a_shard_runs_with_a_controller_for_its_drives():
     assert await run_in_memory("1/2") == (["axis-01", "axis-03", "axis-05"], [["axis-05"]])
     # the fault of a drive elsewhere is no error here
     assert await run_in_memory("2/2") == (["axis-02", "axis-04"], [])
+
+
+class Left:
+    """Interfaces that killed runs of these owners left: one each, made and tagged, or not tagged yet."""
+
+    def __init__(self, *owners, untagged=()):
+        self.there = [self._of(owner, tag(owner, "axis")) for owner in owners]
+        self.there += [self._of(owner, "") for owner in untagged]
+
+    @staticmethod
+    def _of(owner, alias):
+        return SimpleNamespace(owner=owner, name=f"{interface_prefix(owner)}-0", alias=alias, group=group_of(owner))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def everything(self):
+        return self.there
+
+    def remove(self, owner):
+        self.there = [one for one in self.there if not is_own(owner, one.name, one.alias, one.group)]
+
+
+@pytest.mark.parametrize(
+    ("starts", "stays"),
+    [("", []), ("1/2", ["line-1 2/2"]), ("1/3", [])],
+    ids=["whole", "same division", "other division"],
+)
+def test_a_start_removes_what_killed_runs_with_its_drives_left(monkeypatch, starts, stays):
+    shards = [owner_of("line-1", shard) for shard in ("1/2", "2/2")]
+    left = Left("line-1", *shards, "line-2", "line-1 plc", untagged=[owner_of("line-1", starts)])
+    monkeypatch.setattr(farm_module, "Interfaces", lambda: left)
+    make_way(plain(4), parse_shard(starts) if starts else None)
+    assert [one.owner for one in left.there] == [*stays, "line-2", "line-1 plc"]
+
+
+def test_a_shard_in_another_network_is_not_told_as_an_earlier_process(tmp_path, monkeypatch):
+    monkeypatch.setattr(FarmLock, "_bind", lambda _: socket.socket(socket.AF_UNIX))
+    with FarmLock("line-1", tmp_path), pytest.raises(EnvironmentError_, match=f"pid {os.getpid()}"):
+        FarmLock("line-1", tmp_path, shard="1/2").acquire()
+    with (
+        FarmLock("line-1", tmp_path, shard="1/2"),
+        pytest.raises(EnvironmentError_, match="farm line-1 is already running: stop it first"),
+    ):
+        FarmLock("line-1", tmp_path).acquire()

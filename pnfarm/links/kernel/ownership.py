@@ -144,13 +144,13 @@ class FarmLock:
         # looked at once the own name is taken: of two that start at once, one at least sees the other
         for other in _names_from(common):
             shard = other.removeprefix(common).removeprefix(":")
-            if other != name and self._excludes(shard):
+            if other != name and self.excludes(shard):
                 pid = _pid_behind(b"\0" + other.encode())
                 sock.close()
                 raise self._refused(pid, shard)
         return sock
 
-    def _excludes(self, other: str) -> bool:
+    def excludes(self, other: str) -> bool:
         """Whether this one and another shard (or, empty, the whole farm) have drives in common."""
         return not (self._shard and other) or self._shard.partition("/")[2] != other.partition("/")[2]
 
@@ -167,14 +167,15 @@ class FarmLock:
         self._lock_file(state / f"{farm} {quote(self._shard, safe='')}.lock", self._shard, alone=True)
         for path in sorted(state.glob("*%2F*.lock")):
             found = re.fullmatch(rf"{re.escape(farm)} (\d+)%2F(\d+)\.lock", path.name)
-            if found is not None and self._excludes(other := f"{found[1]}/{found[2]}"):
+            if found is not None and self.excludes(other := f"{found[1]}/{found[2]}"):
                 os.close(self._locked(path, other, alone=False))
 
     def _lock_file(self, path: Path, shard: str, *, alone: bool) -> None:
         fd = self._locked(path, shard, alone=alone)
         self._files.append(fd)
+        # whoever had it before has ended
+        os.ftruncate(fd, 0)
         if alone:
-            os.ftruncate(fd, 0)
             os.write(fd, f"{os.getpid()}\n".encode())
 
     def _locked(self, path: Path, shard: str, *, alone: bool) -> int:
