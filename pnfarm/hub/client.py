@@ -24,8 +24,8 @@ __all__ = ["REQUEST_SECONDS", "Answer", "ShardClient"]
 REQUEST_SECONDS = 2.0
 #: Octets of an answer: ten thousand drives in full have 30 million.
 MOST_OCTETS = 64_000_000
-#: Octets of a stream without a line's end.
-MOST_LINE = 1_000_000
+#: Octets of a stream without a line's end: all drives of the largest farm at a glance have two million.
+MOST_LINE = 4_000_000
 #: Longest silence of a stream: a farm sends a comment every 15 s.
 SILENCE_SECONDS = 40.0
 #: Connections to one shard at once.

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 
+import httpx
+
+from pnfarm.config.drive import MAX_DRIVES
+from pnfarm.hub.client import ShardClient
 from pnfarm.hub.overview import HubOverview
 from pnfarm.hub.shards import Shards
 from pnfarm.hub.states import ShardEvent
@@ -51,3 +56,28 @@ def test_drives_that_a_new_run_has_in_another_order_are_not_taken_for_each_other
     # of many drives the rows come later
     overview.take(one, {"values": {"state": [None, [2, 1]]}})
     assert shown(overview) == {"axis-1": 1, "axis-2": 2}
+
+
+def test_all_drives_of_the_largest_farm_come_in_one_message():
+    # as a farm's, with long names
+    row = {
+        "name": "n" * 63, "station_name": "n" * 63, "model": "akd-profinet-2012", "bus": "profinet", "telegram": 1,
+        "mac": "02:75:f3:5e:ef:d1", "ip": "10.77.100.100/16", "address": None, "ar_state": "DATA", "connected": True,
+        "controller": "n" * 63, "controller_ip": "10.77.100.250", "cycle_seconds": 0.016,
+        "injected": [["f-12345678", "silence"]], "neighbours": ["n" * 63],
+    }  # fmt: skip
+    sent = json.dumps({"version": 1, "rows": dict.fromkeys(map(str, range(MAX_DRIVES)), row)}, separators=(",", ":"))
+
+    async def pieces():
+        body = f"event: overview\ndata: {sent}\n\n".encode()
+        for begin in range(0, len(body), 65_536):
+            yield body[begin : begin + 65_536]
+
+    def answer(_):
+        return httpx.Response(200, content=pieces(), headers={"Content-Type": "text/event-stream"})
+
+    async def taken():
+        client = ShardClient("http://a:1", None, httpx.MockTransport(answer))
+        return [len(data["rows"]) async for _, data in client.stream("/api/v1/live")]
+
+    assert asyncio.run(taken()) == [MAX_DRIVES]
