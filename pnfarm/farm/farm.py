@@ -319,7 +319,7 @@ class Farm:
                 action(self._core)
             now = await self._make_driver(self._core, ports)
             if self._leaseholder is not None:
-                self._leaseholder.start(self._core, self.poke)
+                self._leaseholder.start(self._core, self.poke, self.driver.fail)
             add_impairments(self._core.injections, self._stations, now, part=self.shard is not None)
             self._core.start(now)
             await self.driver.start()

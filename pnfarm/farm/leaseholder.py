@@ -64,6 +64,7 @@ class Leaseholder:
         self._now = now
         self._core: LeasedFarm | None = None
         self._poke: Callable[[], None] = lambda: None
+        self._fail: Callable[[Exception], None] = lambda _: None
         self._loop = asyncio.get_running_loop()
         self._handle: asyncio.TimerHandle | None = None
         self._news = asyncio.Event()
@@ -107,9 +108,12 @@ class Leaseholder:
 
     # -- while it runs
 
-    def start(self, core: LeasedFarm, poke: Callable[[], None]) -> None:
-        """The drives are about to speak.  ``poke`` lets the runtime process what was changed."""
-        self._core, self._poke = core, poke
+    def start(self, core: LeasedFarm, poke: Callable[[], None], fail: Callable[[Exception], None]) -> None:
+        """The drives are about to speak.
+
+        ``poke`` lets the runtime process what was changed, ``fail`` ends the farm with what a look raised.
+        """
+        self._core, self._poke, self._fail = core, poke, fail
         engine = core.columns.engine[0]
         if self.state.lease is not None:
 
@@ -140,8 +144,11 @@ class Leaseholder:
 
     def _look(self) -> None:
         now = self._now()
-        for change in self.state.check():
-            self._follow(change, now)
+        try:
+            for change in self.state.check():
+                self._follow(change, now)
+        except Exception as exc:  # noqa: BLE001 - as of a memory that others damaged: half of the drives would stay mute
+            self._fail(exc)
         if self.state.ready is not self._was_up:
             self._was_up = self.state.ready
             event = MemoryBack() if self._was_up else MemoryAway(self.state.standing.reason)
