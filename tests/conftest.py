@@ -47,8 +47,8 @@ EXCLUSIVE = (
 #: Files in those folders that live in memory and virtual time after all.
 SHARED = (
     "interop/test_interop_captures.py", "interop/test_interop_edcon.py", "interop/test_interop_everything.py",
-    "interop/test_interop_gsdml.py", "links/test_links_memory.py", "links/test_links_pcap_files.py",
-    "links/test_links_wrappers.py",
+    "interop/test_interop_gsdml.py", "links/test_links_memory.py", "links/test_links_network_down.py",
+    "links/test_links_pcap_files.py", "links/test_links_wrappers.py",
 )  # fmt: skip
 #: Files of which those tests are exclusive that take one of ``EXCLUSIVE_FIXTURES``.
 MIXED = (

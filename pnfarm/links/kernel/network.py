@@ -85,12 +85,15 @@ class _Netlink:
     def __exit__(self, *_: object) -> None:
         self._socket.close()
 
-    def ask(self, kind: int, flags: int, body: bytes, *, gone: bool = False) -> None:
-        """One request; raises :class:`OSError`, but with ``gone`` not for what is not there."""
+    def ask(self, kind: int, flags: int, body: bytes, *, gone: bool = False, down: bool = False) -> None:
+        """One request; raises :class:`OSError`, but with ``gone`` not for what is not there.
+
+        With ``down`` an interface that is down needs no such route.
+        """
         self._socket.send(_HEADER.pack(_HEADER.size + len(body), kind, _REQUEST_ACK | flags, 1, 0) + body)
         answer = self._socket.recv(8192)
         (code,) = struct.unpack_from("=i", answer, _HEADER.size)
-        if code and not (gone and -code in _GONE):
+        if code and not (gone and -code in _GONE) and not (down and -code == errno.ENETDOWN):
             raise OSError(-code, os.strerror(-code))
 
     def rules(self) -> list[dict[int, bytes]]:
@@ -186,7 +189,7 @@ def renew(addresses: Sequence[tuple[int, IPv4Interface]], seconds: int) -> int:
 def attach(
     index: int, name: str, interface: IPv4Interface, gateway: IPv4Address | None = None, seconds: int = 0
 ) -> None:
-    """Give an interface that is up its address; doing it again restores what the kernel forgot while it was down.
+    """Give an interface its address; doing it again restores what the kernel forgot, or refused, while it was down.
 
     ``seconds``: after which the kernel takes it away by itself unless it is renewed; 0: never.
     Raises :class:`~pnfarm.errors.EnvironmentError_` when the kernel refuses.
@@ -203,7 +206,8 @@ def attach(
             if gateway is not None:
                 routes.append((_RTN_UNICAST, _SCOPE_UNIVERSE, IPv4Address(0), 0, own, gateway))
             for kind, scope, to, prefix, source, by in routes:
-                kernel.ask(_NEW_ROUTE, _CREATE | _REPLACE, _route(index, kind, scope, to, prefix, table, source, by))
+                body = _route(index, kind, scope, to, prefix, table, source, by)
+                kernel.ask(_NEW_ROUTE, _CREATE | _REPLACE, body, down=True)
             for rule in _rules(name, interface, table):
                 kernel.ask(_DEL_RULE, 0, rule, gone=True)
                 kernel.ask(_NEW_RULE, _CREATE | _EXCLUSIVE, rule)
