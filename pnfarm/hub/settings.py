@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import httpx
 from pydantic import ValidationError
 
 from pnfarm.errors import ConfigError
@@ -27,9 +28,19 @@ def url_of(text: str, *, secure: bool = False) -> str:
     found = _URL.fullmatch(text.strip())
     scheme, host, port = found.groups() if found is not None else ("", "", "")
     number = int(port) if port else PORT
-    if found is None or not 0 < number < 65536:
+    url = f"{scheme or ('https' if secure else 'http')}://{host.lower()}:{number}"
+    if found is None or not 0 < number < 65536 or not _is_valid(url):
         raise ConfigError(f"--shard {text!r} is not the address of a farm; give a URL such as http://10.0.0.3:8702")
-    return f"{scheme or ('https' if secure else 'http')}://{host.lower()}:{number}"
+    return url
+
+
+def _is_valid(url: str) -> bool:
+    """Whether it can be asked: digits and dots may be no IP address."""
+    try:
+        httpx.URL(url)
+    except httpx.InvalidURL:
+        return False
+    return True
 
 
 def name_of(text: str) -> tuple[str, int]:

@@ -73,6 +73,8 @@ def test_two_names_do_not_take_each_others_shards(monkeypatch):
     [
         ([], "no shard is given"),
         (["--shard", "http://x/y"], "--shard 'http://x/y' is not the address of a farm"),
+        (["--shard", "10.0.0.300"], "--shard '10.0.0.300' is not the address of a farm"),
+        (["--shard", "http://[::1::]"], "is not the address of a farm"),
         (["--discover", "farm"], "--discover 'farm' is not a name with a port"),
         (["--shard", "x", "--api", "off"], "--api"),
         (["--shard", "x", "--api-token", "short"], "--api-token"),
