@@ -149,6 +149,16 @@ def test_a_shard_that_is_away_is_told_by_each_change(world):
     assert world.get("faults").json() == {"faults": [], "partial": False, "unreachable": []}
 
 
+def test_a_fault_that_ended_on_a_shard_before_it_was_away_is_ended_as_a_whole(world):
+    world.post("faults", {"kind": "silence", "on": "all", "as": "trip"})
+    world.request("DELETE", "faults/trip")
+    world.run(20)
+    world.post("faults", {"kind": "silence", "on": "axis-01", "as": "trip"})
+    world.lose(2)
+    answer = world.request("DELETE", "faults/trip")
+    assert (answer.status_code, answer.json()["unreachable"]) == (200, [])
+
+
 def test_a_fault_whose_answer_was_lost_is_not_ended_before_its_shard_was_heard(world):
     inner, silent = world[2].inner, [True]
 

@@ -214,7 +214,9 @@ class HubFaults:
         return await self._each(fault_id, "DELETE", "")
 
     async def _each(self, fault_id: str, method: str, suffix: str) -> Outcome:
-        own, shards, unheard = await self._members(fault_id)
+        own, known, unheard = await self._members(fault_id)
+        # with what has ended on a shard that is away nothing is to be done
+        shards = [one for one in known if one.asked or one.faults[own]["state"] != "ended"]
         path = f"faults/{quote(own, safe='')}{suffix}"
         answers = await self._hub.each(shards, lambda shard: self._hub.ask(shard, method, path))
         refused = [answer for answer in answers.good.values() if not answer.good]
