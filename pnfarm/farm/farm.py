@@ -430,27 +430,25 @@ class Farm:
 
     async def close(self) -> None:
         """Stop, notify the controllers, and remove every interface that the farm created."""
-        try:
+        # the last one first; each of these is done, whatever the others raise
+        async with contextlib.AsyncExitStack() as stack:
+            stack.push_async_callback(self._release)
+            stack.push_async_callback(self.link.close)
+            if self.capture is not None:
+                stack.push_async_callback(asyncio.to_thread, self.capture.stop)
+            if self._core is not None and self._core.plant is not None:
+                # in memory its models step with the farm, until the driver is closed
+                stack.push_async_callback(asyncio.to_thread, self._core.plant.close)
+            for action in self.on_close:
+                stack.push_async_callback(action)
+            if self._driver is not None:
+                stack.push_async_callback(self._driver.close)
+            for models in self._plant:
+                stack.push_async_callback(asyncio.to_thread, models.close)
             if self._core is not None and self._driver is not None:
                 now = self.now()
                 self._core.stop(now)
                 self.log.record(now, "", FarmStopped())
-            for models in self._plant:
-                await asyncio.to_thread(models.close)
-            if self._driver is not None:
-                await self._driver.close()
-        finally:
-            # each of these is done, whatever the others raise
-            async with contextlib.AsyncExitStack() as stack:
-                stack.push_async_callback(self._release)
-                stack.push_async_callback(self.link.close)
-                if self.capture is not None:
-                    stack.push_async_callback(asyncio.to_thread, self.capture.stop)
-                if self._core is not None and self._core.plant is not None:
-                    # in memory its models step with the farm, until the driver is closed
-                    stack.push_async_callback(asyncio.to_thread, self._core.plant.close)
-                for action in self.on_close:
-                    stack.push_async_callback(action)
 
     async def _release(self) -> None:
         """After the interfaces are gone: others may have the drives."""
