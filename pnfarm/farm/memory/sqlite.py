@@ -106,13 +106,13 @@ class FarmState:
     def _write(self, rows: dict[str, list[tuple[str, str]]]) -> None:
         """The rows of these stations, and of those that are held."""
         with self._transaction("write"):
-            written = {**self._held, **rows}
-            for station, its in written.items():
+            held = dict(self._held)
+            for station, its in {**held, **rows}.items():
                 self._connection.execute("DELETE FROM memory WHERE station = ?", (station,))
                 self._connection.executemany("INSERT INTO memory VALUES (?, ?, ?)", [(station, *row) for row in its])
         with self._lock:
-            for station in written:
-                self._held.pop(station, None)
+            # what another thread held meanwhile is newer
+            self._held = {station: its for station, its in self._held.items() if its is not held.get(station)}
 
     def hold(self, station: str, values: dict[str, Any]) -> None:
         """See :meth:`pnfarm.drives.parameters.memory.NonVolatile.hold`: the next save of any, or the end, writes it."""
