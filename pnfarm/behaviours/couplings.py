@@ -23,7 +23,11 @@ from pnfarm.firmware.direction import shaft_sign
 from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.plant import COUPLING_RIGID
 
-__all__ = ["COUPLED", "STIFFEST", "TURN", "couple", "step_with_plant", "uncouple"]
+__all__ = ["COUPLED", "LONGEST", "STIFFEST", "TURN", "couple", "step_with_plant", "uncouple"]
+
+#: Most steps of the plant that one step of a spring, or of an axis that the plant moves, covers.  A torque of the plant
+#: is for the time up to its next step: over all of a time in which the machine stood it would tear a spring apart.
+LONGEST = 2
 
 #: h sqrt(k / m) / 2 of the stiffest spring that a step can have.
 STIFFEST = 0.5
@@ -73,6 +77,7 @@ def _with_backlash(stiffness: float, gap: float, twist: float, speed: float, mas
 def step_with_plant(axis: Any, step_ns: int, now: int) -> None:
     """Have an axis step as often as the plant, and in the same ticks: what that puts on its shaft is for one of its
     steps.  ``now``: of this step of the plant."""
+    axis.longest_ns = LONGEST * step_ns
     # after a late tick the next one may come early, and still counts
     longest = step_ns - step_ns // 8
     since = now - axis.last_ns

@@ -48,6 +48,7 @@ AXIS = Layout(
         Field("powered", "u1", "", "station", "1 while the control supply is on"),
         Field("each_tick", "u1", "", "engine", "1 while it has work in ticks in which it makes no step"),
         Field("step_ns", "i8", "ns", "station", "longest time between two firmware steps"),
+        Field("longest_ns", "i8", "ns", "engine", "most that a step covers with a plant that moves it, 0 = a second"),
         Field("boot_time_ns", "i8", "ns", "station", "from switching on to S1"),
         Field("last_ns", "i8", "ns", "firmware", "time of the last step"),
         Field("boot_ns", "i8", "ns", "firmware", "when the drive was switched on"),

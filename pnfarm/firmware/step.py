@@ -75,7 +75,7 @@ def _turn(axis: Any, elapsed: int) -> None:
 @compiled_apart
 def step(axis: Any, image: Any, now: int) -> None:
     """Advance one drive to ``now``; without control supply its shaft coasts, and nothing else happens."""
-    elapsed = min(now - axis.last_ns, LONGEST_NS)
+    elapsed = min(now - axis.last_ns, int(axis.longest_ns) or LONGEST_NS)
     axis.last_ns = now
     if not axis.powered:
         axis.drive.state = 0

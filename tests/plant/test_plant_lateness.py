@@ -9,6 +9,7 @@ import pytest
 from plant_bench import PlantBench
 
 from pnfarm.config.plant import PlantSection
+from pnfarm.engine.tick import tick
 from pnfarm.plant.events import PlantStepsLeftOut
 from pnfarm.plant.plan import plan_plant
 from pnfarm.plant.python_models import PythonModels
@@ -72,6 +73,35 @@ def test_steps_of_the_plant_that_were_left_out_are_in_the_log_at_most_once_per_s
     bench.stand(1.0)
     bench.service()
     assert bench.events == [PlantStepsLeftOut(1200), PlantStepsLeftOut(1100)]
+
+
+SPRINGS = {
+    "elastic-load": "axis: x1, inertia: 2.0e-4, stiffness: 5",
+    "elastic-coupling": "axes: [x1, x2], stiffness: 5",
+}
+
+
+@pytest.mark.parametrize("kind", SPRINGS)
+def test_a_spring_swings_on_behind_a_time_in_which_the_machine_stood(kind):
+    text = f"""
+farm: t
+link: {{kind: memory}}
+drives:
+- {{name: "x{{n}}", count: 2, model: akd-profinet, ip: 10.77.0.11/24, load: {{inertia: 1.0e-4, friction: 0}}}}
+plant:
+  models: [{{name: spring, kind: {kind}, {SPRINGS[kind]}}}]
+"""
+    with Line.from_text(text) as line:
+        line.run(0.01)
+        line.plant.spring.offset = 0.01
+        line.run(0.2)
+        now = line.now_ns + 300 * MS
+        twists = []
+        for number in range(200):
+            tick(line.core.columns, 0, now + number * MS)
+            twists.append(abs(float(line.plant.spring.twist)))
+        assert int(line.core.columns.engine[0].plant_late) > 200
+        assert max(twists) < 0.0105
 
 
 @pytest.mark.parametrize("step", ["0.5ms", "1ms", "5ms"])

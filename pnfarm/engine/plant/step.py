@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.behaviours.couplings import COUPLED, TURN, couple, step_with_plant, uncouple
+from pnfarm.behaviours.couplings import COUPLED, LONGEST, TURN, couple, step_with_plant, uncouple
 from pnfarm.behaviours.dispatch import step_behaviour
 from pnfarm.engine.probes import read_plain, read_words
 from pnfarm.firmware.axis import AXIS
@@ -120,7 +120,7 @@ def _give(row: Any, axes: Any, values: Any, step_ns: int, now: int) -> None:
 def take_step(row: Any, now: int) -> None:
     """A step of the plant at ``now``; ``row``: of :data:`pnfarm.table.plant.PLANT`."""
     step = array_at(row.engine, 1, _ENGINE)[0].plant_step_ns
-    since = now - row.last_ns if row.last_ns != 0 else step
+    since = min(now - row.last_ns, LONGEST * step) if row.last_ns != 0 else step
     values = array_at(row.value, row.value_count, _REAL)
     memory = array_at(row.memory, row.memory_count, _REAL)
     wires = array_at(row.wire, row.wire_count, _WIRE)
