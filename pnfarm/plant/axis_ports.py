@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING
 
 from pnfarm.behaviours.declaration import Port, bit, number
@@ -30,7 +31,8 @@ _MOVED = MACHINE_STOPS_MOVED
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """Where a value for an axis goes: the field of its record, and the bit of it, or what it has for a value of 1.
+    """Where a value for an axis goes: the field of its record, and the bit of it, or what it has for a value of 1, and
+    the least that it can have.
 
     ``part``: the part of the machine (MACHINE_*) that an axis with a wire to it has.
     """
@@ -41,6 +43,7 @@ class Taken:
     bit: int = 0
     scale: float = 1.0
     part: int = 0
+    least: float = -inf
 
 
 #: What any axis has beside its signals: the shaft as the machine sees it, whatever the drive's home and direction.
@@ -56,8 +59,8 @@ TAKEN: Mapping[str, Taken] = {
     one.port.name: one
     for one in (
         Taken(number("load_torque", "against the shaft's direction", "Nm"), OUTLET_REAL, "outside.torque"),
-        Taken(number("load_inertia", "in addition to the load's, kg m^2"), OUTLET_REAL, "outside.inertia"),
-        Taken(number("load_friction", "dry friction in addition", "Nm"), OUTLET_REAL, "outside.friction"),
+        Taken(number("load_inertia", "in addition to the load's, kg m^2"), OUTLET_REAL, "outside.inertia", least=0.0),
+        Taken(number("load_friction", "dry friction in addition", "Nm"), OUTLET_REAL, "outside.friction", least=0.0),
         Taken(number("load_position", "the shaft is held here", "revolutions"), OUTLET_PLACE, "outside.place"),
         Taken(number("stop_low", "end stop: no further down"), OUTLET_REAL, "outside.stop_low", part=_MOVED),
         Taken(number("stop_high", "end stop: no further up"), OUTLET_REAL, "outside.stop_high", part=_MOVED),

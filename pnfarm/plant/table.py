@@ -204,7 +204,7 @@ class PlantTable:
         axis.handle.axis.machine.settings.parts |= taken.part
         place = place_of(AXIS, taken.field).in_row(axis.index)
         row.form, row.word, row.axis = taken.form, place.word, axis.index
-        row.scale = taken.scale
+        row.scale, row.least = taken.scale, taken.least
         row.shift = 0 if taken.form == OUTLET_REAL else place.shift + taken.bit
 
     def _fill_behaviour(self, row: Any, model: PlannedModel, place: int) -> int:

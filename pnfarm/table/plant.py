@@ -8,6 +8,8 @@ arrays by their addresses in one row (:data:`PLANT`), so that a farm without a p
 
 from __future__ import annotations
 
+from math import inf
+
 from pnfarm.table.layout import Field, Layout
 
 __all__ = ["BEHAVIOUR", "COUPLING", "OUTLET", "PLANT", "WIRE"]
@@ -70,6 +72,7 @@ OUTLET = Layout(
         Field("axis", "i4", "", "station", "row of the axis that is held"),
         Field("shift", "u1", "bits", "station", "of a bit: its place in the word"),
         Field("scale", "f8", "", "station", "of a field f8: what it has for a value of 1", default=1),
+        Field("least", "f8", "", "station", "of a field f8: the least that it can have", default=-inf),
         Field("shown", "f8", "", "engine", "of a station's input: the value that was reported last"),
         Field("seen", "u1", "", "engine", "1 = shown is set"),
     ],

@@ -6,6 +6,7 @@ models in the file is the same in each run.
 
 from __future__ import annotations
 
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -38,19 +39,23 @@ _AXIS, _IMAGE, _ENGINE, _EVENT = AXIS.dtype, IMAGE.dtype, ENGINE.dtype, EVENT.dt
 _PROVIDED, _CONSUMED, _PROBE = PROVIDED.dtype, CONSUMED.dtype, PROBE.dtype
 _WIRE, _BEHAVIOUR, _COUPLING, _OUTLET = WIRE.dtype, BEHAVIOUR.dtype, COUPLING.dtype, OUTLET.dtype
 _REAL, _WORD, _OCTET = np.dtype(np.float64), np.dtype(np.int64), np.dtype(np.uint8)
+#: Largest value that a wire brings.
+MOST = 1e300
 _AXIS_WORDS, _IMAGE_WORDS = AXIS.dtype.itemsize // 8, IMAGE.dtype.itemsize // 8
 
 
 @inlined
 def _copy(wires: Any, values: Any, late: int) -> None:
-    """The wires to models, or those to outlets."""
+    """The wires to models, or those to outlets; a REAL of a PLC that is no number leaves a value as it was."""
     for number in range(len(wires)):
         wire = wires[number]
         if wire.late != late:
             continue
         value = values[wire.source]
         if wire.form == WIRE_NUMBER:
-            values[wire.target] = value * wire.scale + wire.offset
+            made = value * wire.scale + wire.offset
+            if not isnan(made):
+                values[wire.target] = min(max(made, -MOST), MOST)
         else:
             values[wire.target] = 1.0 if (value != 0.0) != (wire.form == WIRE_INVERTED) else 0.0
 
@@ -90,7 +95,7 @@ def _give(row: Any, axes: Any, values: Any, step_ns: int, now: int) -> None:
         outlet = outlets[number]
         value = values[outlet.value]
         if outlet.form == OUTLET_REAL:
-            reals[outlet.word] = value * outlet.scale
+            reals[outlet.word] = max(value * outlet.scale, outlet.least)
             step_with_plant(axes[outlet.axis], step_ns, now)
         elif outlet.form == OUTLET_PLACE:
             held = axes[outlet.axis].outside

@@ -1,0 +1,81 @@
+"""Values that no machine has, on wires: a REAL that is no number, a negative inertia."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from farm_file import CONFIGS
+
+from pnfarm.testing import Line
+
+CELL = f"""
+farm: t
+link: {{kind: memory}}
+drives: [{{name: x, model: akd-profinet, ip: 10.77.0.11/24, load: {{friction: 0}}}}]
+devices:
+- name: island
+  gsdml: {CONFIGS / "gsdml" / "GSDML-V2.35-Example-Island-20261127.xml"}
+  access_point: DAP 1
+  ip: 10.77.0.41/24
+  slots: {{1: 16DI, 2: 8DO, 3: EX-AI-4, 4: VALVES}}
+  signals:
+    level: {{at: 4.1.2, type: float32, direction: input}}
+    shown: {{at: 3.1.0, type: int16}}
+plant:
+  models:
+  - {{name: tank, kind: first-order, time_constant: 10ms}}
+  - {{name: press, kind: first-order, time_constant: 0ms}}
+  wires: [WIRES]
+"""
+
+
+def _line(wires: str) -> Line:
+    return Line.from_text(CELL.replace("WIRES", wires))
+
+
+def test_a_real_that_is_no_number_leaves_models_and_axes_with_what_they_had():
+    with _line(
+        "island.level * 0.1 Nm -> x.load_torque, island.level -> tank.input, tank.value -> island.shown"
+    ) as line:
+        island = line.device("island").signals
+        for value in (math.nan, math.inf, math.nan):
+            island.set({"level": value})
+            line.run(0.02)
+            assert math.isfinite(line["x"].velocity)
+            assert math.isfinite(line.plant.tank.value)
+
+
+def test_what_is_behind_it_goes_on_with_the_next_number():
+    with _line(
+        "island.level * 0.1 Nm -> x.load_torque, island.level -> tank.input, tank.value -> island.shown"
+    ) as line:
+        island = line.device("island").signals
+        island.set({"level": math.nan})
+        line.run(0.02)
+        assert (line["x"].velocity, line.plant.tank.value) == (0.0, 0.0)
+        island.set({"level": 5.0})
+        line.run(0.2)
+        assert line.plant.tank.value == pytest.approx(5.0, rel=1e-3)
+        assert island.get("shown") == 5
+        assert line["x"].velocity < -100.0
+
+
+def test_an_input_of_whole_numbers_behind_such_a_real_keeps_its_value():
+    with _line("island.level -> island.shown") as line:
+        island = line.device("island").signals
+        for value, shown in ((7.0, 7), (math.nan, 7), (-math.inf, -0x8000), (8.0, 8)):
+            island.set({"level": value})
+            line.run(0.02)
+            assert island.get("shown") == shown
+
+
+@pytest.mark.parametrize("taken", ["load_friction", "load_inertia"])
+def test_a_load_of_less_than_nothing_is_none(taken: str):
+    unit = " * 1 Nm" if taken == "load_friction" else ""
+    with _line(f"press.value{unit} -> x.{taken}") as line:
+        line.plant.press.input = -1e-5
+        line.run(0.05)
+        assert (line["x"].velocity, float(line.plant.press.value)) == (0.0, -1e-5)
+        outside = line.core.axes[0].handle.axis.outside
+        assert (float(outside.friction), float(outside.inertia)) == (0.0, 0.0)
