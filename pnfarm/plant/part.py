@@ -39,6 +39,8 @@ class PortSignals:
         self._values = values
         self._numbers = {name: number for name, (_, number) in (*model.inputs.items(), *model.outputs.items())}
         self._wired = {name for name, number in self._numbers.items() if number in wired}
+        #: What they have before anybody writes them: an FMU, or a coupling's key, says so.
+        self._start = {name: float(values[number]) for name, number in self._numbers.items()}
         self._signals = port_signals(model)
         self._written: dict[str, Value] = {}
         self._forced: dict[str, Value] = {}
@@ -149,7 +151,7 @@ class PortSignals:
             if name in self._wired:
                 self._hold_wire(name)
                 continue
-            value = self._forced.get(name, self._written.get(name, 0.0))
+            value = self._forced.get(name, self._written.get(name, self._start[name]))
             self._values[self._numbers[name]] = float(value)
         self._changes += 1
 

@@ -46,6 +46,19 @@ def test_a_forced_input_keeps_its_value_whatever_its_wire_brings_until_it_is_rel
     assert (line.plant.lamp.lit, lamp.owner("on")) == (True, "plant")
 
 
+def test_a_released_input_without_a_wire_has_what_it_had_at_the_start():
+    arm = "{name: arm, kind: elastic-load, axis: x, stiffness: 30, inertia: 2.0e-4, offset: 0.25}"
+    with Line.from_text(CELL.replace("models: [", f"models: [{arm}, ")) as line:
+        signals = _of(line, "arm")
+        signals.force({"offset": 0.5})
+        signals.force({"offset": None})
+        assert (signals.get("offset"), signals.owner("offset")) == (0.25, "default")
+        signals.set({"offset": 0.75})
+        signals.force({"offset": 0.5})
+        signals.force({"*": None})
+        assert (signals.get("offset"), signals.owner("offset")) == (0.75, "value")
+
+
 def test_it_is_not_written_and_what_is_wrong_leaves_it_to_its_wire(line):
     lamp = _of(line, "lamp")
     with pytest.raises(SignalError, match="has a wire, which writes it; allowed: an input without a wire, or a force"):
