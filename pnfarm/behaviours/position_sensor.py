@@ -15,7 +15,8 @@ __all__ = ["POSITION_SENSOR", "step_position_sensor"]
 def step_position_sensor(values: Any, memory: Any, seconds: float) -> None:
     """Ports: position, blocked, on.
 
-    Memory: from, to, period, hysteresis, delay on, delay off, bounce; the contact, the time since it changed.
+    Memory: from, to, period, hysteresis, delay on, delay off, bounce; the contact, the time since the output is settled,
+    below 0 before: at the start it is.
     """
     low, high, period, wide = memory[0], memory[1], memory[2], memory[3]
     place = values[0]
@@ -29,17 +30,16 @@ def step_position_sensor(values: Any, memory: Any, seconds: float) -> None:
         inside = low - wide <= place <= high + wide or (period > 0.0 and place >= low + period - wide)
     inside = inside or values[1] != 0.0
     wanted = 1.0 if inside else 0.0
+    bounce = memory[6]
     if wanted != contact:
         memory[7] = wanted
-        memory[8] = 0.0
+        memory[8] = -bounce - (memory[4] if wanted != 0.0 else memory[5])
     else:
-        memory[8] += seconds
-    since = memory[8]
-    after = memory[4] if wanted != 0.0 else memory[5]
-    if since + 0.5 * seconds < after:
+        memory[8] = min(memory[8] + seconds, 0.0)
+    left = -memory[8]
+    if left > bounce + 0.5 * seconds:
         return
-    bounce = memory[6]
-    if since - after < bounce and int((since - after) / max(seconds, 1e-9) + 0.5) % 2 == 1:
+    if left > 0.5 * seconds and int((bounce - left) / max(seconds, 1e-9) + 0.5) % 2 == 1:
         # each other step of the time in which the contact bounces
         values[2] = 1.0 - wanted
     else:

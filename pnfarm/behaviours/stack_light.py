@@ -12,15 +12,16 @@ __all__ = ["LAMP", "STACK_LIGHT", "step_lamp", "step_stack_light"]
 
 @inlined
 def _look(values: Any, memory: Any, given: int, seen: int, kept: int, within: float, seconds: float) -> None:
-    """One lamp: on, and whether it flashes; ``kept``: its last state, the time since it changed, changes."""
+    """One lamp: on, and whether it flashes; ``kept``: its last state, the time since a change is forgotten, below 0
+    before, changes."""
     lit = 1.0 if values[given] != 0.0 else 0.0
-    memory[kept + 1] += seconds
+    memory[kept + 1] = min(memory[kept + 1] + seconds, 0.0)
     if lit != memory[kept]:
-        # two changes within the time are a flash
-        memory[kept + 2] = 1.0 if memory[kept + 1] <= within else 0.0
+        # two changes within the time are a flash; half a step is for the rounding of many
+        memory[kept + 2] = 1.0 if memory[kept + 1] < 0.0 else 0.0
         memory[kept] = lit
-        memory[kept + 1] = 0.0
-    elif memory[kept + 1] > within:
+        memory[kept + 1] = -within - 0.5 * seconds
+    elif memory[kept + 1] == 0.0:
         memory[kept + 2] = 0.0
     values[seen] = lit
     values[seen + 1] = memory[kept + 2]

@@ -115,6 +115,13 @@ def test_a_contact_that_bounces_changes_in_each_step_and_settles():
     assert found == [True, False, True, False, True, True, True, True]
 
 
+def test_a_contact_that_nothing_moved_does_not_bounce_at_the_start():
+    bench = PlantBench({"name": "s", "kind": "position-sensor", "from": 3, "to": 4, "bounce": "10ms"})
+    for _ in range(30):
+        bench.step()
+        assert not bench["s.on"]
+
+
 def test_a_process_of_first_order_is_exact_whatever_its_step():
     for step, count in (("1ms", 1000), ("20ms", 50)):
         bench = PlantBench(
@@ -220,6 +227,21 @@ def test_a_lamp_that_changes_twice_within_its_time_flashes():
     assert bench["l.flashing"]
     bench.run(0.5)
     assert not bench["l.flashing"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "port", "flashing"), [("lamp", "on", "flashing"), ("stack-light", "red", "red_flashing")]
+)
+def test_a_lamp_that_goes_on_with_the_start_has_changed_once_and_does_not_flash(kind, port, flashing):
+    bench = PlantBench({"name": "l", "kind": kind})
+    bench.run(0.2)
+    bench[f"l.{port}"] = True
+    for _ in range(100):
+        bench.step()
+        assert not bench[f"l.{flashing}"]
+    bench[f"l.{port}"] = False
+    bench.step()
+    assert bench[f"l.{flashing}"]
 
 
 def test_a_value_at_its_place_in_the_catalogue_is_what_the_engine_steps():
