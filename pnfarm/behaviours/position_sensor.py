@@ -15,8 +15,8 @@ __all__ = ["POSITION_SENSOR", "step_position_sensor"]
 def step_position_sensor(values: Any, memory: Any, seconds: float) -> None:
     """Ports: position, blocked, on.
 
-    Memory: from, to, period, hysteresis, delay on, delay off, bounce; the contact, the time since the output is settled,
-    below 0 before: at the start it is.
+    Memory: from, to, period, hysteresis, delay on, delay off, bounce; the contact, the time since the output is
+    settled, below 0 before: at the start it is.
     """
     low, high, period, wide = memory[0], memory[1], memory[2], memory[3]
     place = values[0]

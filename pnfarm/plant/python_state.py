@@ -6,6 +6,7 @@ texts, None or lists of these are saved; the others are named, so that nobody re
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 from typing import Any
@@ -41,7 +42,7 @@ def check_state(model: Any, state: Any) -> None:
     if not isinstance(attributes, dict):
         raise ConfigError("`attributes` is no mapping")
     for name, value in attributes.items():
-        if not name.isidentifier() or name.startswith("__") or hasattr(type(model), name) or not _is_plain(value):
+        if not name.isidentifier() or name.startswith("__") or _is_code(model, name) or not _is_plain(value):
             raise ConfigError(f"{name[:60]!r} is no attribute that can be restored")
 
 
@@ -50,12 +51,22 @@ def put_state(model: Any, state: dict[str, Any]) -> None:
     if _decides(model):
         model.restore(state["own"])
         return
+    for name, value in [*vars(model).items()]:
+        # what nobody had set then has the value of the class again
+        if name not in state["attributes"] and hasattr(type(model), name) and _is_plain(value):
+            delattr(model, name)
     for name, value in state["attributes"].items():
         setattr(model, name, value)
 
 
 def _decides(model: Any) -> bool:
     return callable(getattr(model, "save", None)) and callable(getattr(model, "restore", None))
+
+
+def _is_code(model: Any, name: str) -> bool:
+    """Whether it is a method, a property or the like of the class, and no value that objects have until they set it."""
+    own = inspect.getattr_static(type(model), name, None)
+    return callable(own) or hasattr(own, "__get__")
 
 
 def _is_plain(value: Any, depth: int = 0) -> bool:

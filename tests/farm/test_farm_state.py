@@ -375,6 +375,40 @@ def test_a_model_in_python_keeps_its_attributes_and_the_others_are_named(tmp_pat
         assert model.count == count > 0
 
 
+DEFAULTS = """
+from dataclasses import dataclass
+
+@dataclass
+class Press:
+    speed: float = 1.0
+    count = 0
+    late = 0
+
+    def step(self, dt):
+        self.count += 1
+        if self.count > 150:
+            self.late += 1
+
+Press.inputs = {"travel": "revolutions"}
+Press.outputs = {"force": float, "hot": bool}
+"""
+
+
+def test_a_model_in_python_may_have_values_in_its_class(tmp_path):
+    with with_model(tmp_path, DEFAULTS) as line:
+        line.run(0.2)
+        model = line.core.plant.python._models[0].model
+        state, count = taken(line), model.count
+        line.run(0.2)
+        assert model.late > 0
+        put(line, state)
+        assert (model.count, model.late, model.speed) == (count, 0, 1.0)
+        for name in ("step", "__class__", "speed x"):
+            state["plant"]["python"]["press"]["attributes"] = {name: 1}
+            with pytest.raises(RefusedStateError, match="is no attribute that can be restored"):
+                put(line, state)
+
+
 def test_a_model_in_python_may_save_itself_and_refuse(tmp_path):
     with with_model(tmp_path, SAVES) as line:
         line.run(0.1)
