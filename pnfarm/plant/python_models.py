@@ -54,10 +54,13 @@ class _Model:
         self._numbers = [(port.name, at) for port, at in planned.inputs.values() if port.form != "bit"]
         self._bits = [(port.name, at) for port, at in planned.inputs.values() if port.form == "bit"]
         self._outputs = [(port.name, at) for port, at in planned.outputs.values()]
-        for port, at in planned.outputs.values():
-            if not hasattr(self.model, port.name):
-                setattr(self.model, port.name, False if port.form == "bit" else 0.0)
-            self._values[at] = _number(port.name, getattr(self.model, port.name))
+        try:
+            for port, at in planned.outputs.values():
+                if not hasattr(self.model, port.name):
+                    setattr(self.model, port.name, False if port.form == "bit" else 0.0)
+                self._values[at] = _number(port.name, getattr(self.model, port.name))
+        except Exception as exc:
+            raise ConfigError(f"plant model {planned.name} cannot be made: {self.file}: {error_text(exc)}") from exc
         self.due_ns = 0
         self.last_ns = 0
         self.missed = 0

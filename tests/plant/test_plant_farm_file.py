@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import FarmFileError, load_farm, parse_farm
 from pnfarm.testing import Line
@@ -182,6 +183,22 @@ def test_a_model_that_gives_what_is_no_number_fails_with_a_sentence(tmp_path: Pa
         line.run(0.1)
         (failed,) = line.events("plant model failed")
         assert "on is nan, not a finite number" in str(failed.data["error"])
+
+
+@pytest.mark.parametrize(
+    ("start", "why"),
+    [
+        (
+            "    def __init__(self):\n        self.on = None\n",
+            "barrier.py: ValueError: on is None, not a finite number",
+        ),
+        ("    __slots__ = ()\n", "barrier.py: AttributeError: 'Barrier' object has no attribute 'on'"),
+    ],
+)
+def test_a_model_whose_output_has_no_number_from_the_start_is_refused_with_a_sentence(tmp_path: Path, start, why):
+    source = MODEL.replace("    def step", f"{start}\n    def step")
+    with pytest.raises(ConfigError, match=f"plant model b cannot be made: .*{why}"):
+        Line.from_file(_with_file(tmp_path, source))
 
 
 def test_a_farm_file_is_read_without_running_the_files_of_its_models(tmp_path: Path):
