@@ -6,7 +6,7 @@ import asyncio
 import copy
 import json
 import os
-from math import isinf
+from math import isinf, isnan, nan
 
 import pytest
 from hypothesis import given, settings
@@ -373,6 +373,20 @@ def test_a_model_in_python_keeps_its_attributes_and_the_others_are_named(tmp_pat
         line.run(0.1)
         put(line, state)
         assert model.count == count > 0
+
+
+def test_forced_octets_and_a_forced_real_that_is_no_number_are_saved_and_restored(tmp_path):
+    text = cell_text("profinet", tmp_path).replace("3: EX-AI-4}", "3: EX-AI-4, 4: VALVES}")
+    text = text.replace("    signals:\n", "    signals:\n      raw: {at: 3.1.4, type: 'octets[2]'}\n"
+                        "      level: {at: 4.1.2, type: float32, direction: input}\n", 1)  # fmt: skip
+    with Line.from_text(text) as line:
+        island = line.device("island")
+        island.force({"raw": b"\x01\x02", "level": nan})
+        state = taken(line)
+        island.release()
+        put(line, state)
+        assert island.signals["raw"] == b"\x01\x02"
+        assert isnan(island.signals["level"])
 
 
 DEFAULTS = """

@@ -10,6 +10,7 @@ from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.memory.rows import rows_of, values_of
 from pnfarm.farm.state.axis_fields import check_fields
 from pnfarm.farm.state.refused import RefusedStateError, mapped
+from pnfarm.farm.views.stations import json_value
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
@@ -33,12 +34,13 @@ def plain_station(station: Station) -> dict[str, Any]:
     """All but the records of its axes, as plain JSON."""
     connection = station.device.connection() if station.device.connected else None
     signals = station.signals
+    forced = {} if signals is None else {name: json_value(value) for name, value in signals.forced.items()}
     return {
         "model": station.kinds[0],
         "powered": station.powered,
         "controller": None if connection is None else str(connection.ip or connection.controller)[:_LONGEST],
         "memory": {key: json.loads(text) for key, text in rows_of(station.kept) if key},
-        "signals": None if signals is None else {**signals.state(), "names": list(signals.names)},
+        "signals": None if signals is None else {**signals.state(), "forced": forced, "names": list(signals.names)},
         "axes": {
             axis.configured_name: {"model": axis.model.name, "parameters": axis.store.in_force()}
             for axis in station.axes
