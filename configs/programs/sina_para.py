@@ -99,7 +99,7 @@ class SinaPara(AxisProgram):
                 value = one.sdValue if one.syFormat in DOUBLE else one.srValue
                 pack = FORMATS[one.syFormat]
                 request += struct.pack(">BB", one.syFormat, 1) + struct.pack(pack, value if "f" in pack else int(value))
-        except (struct.error, KeyError):
+        except (struct.error, KeyError, ValueError, OverflowError):
             self._end(error=NO_ANSWER)
             return
         self.job.record = self.write_record(RECORD, request)

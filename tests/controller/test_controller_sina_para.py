@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import sys
 
@@ -92,10 +93,12 @@ def test_a_number_of_parameters_beyond_sixteen_is_an_error_without_a_request(rig
     assert (rig.block.Error, rig.block.Busy, rig.block.ErrorId) == (True, False, 1)
 
 
-def test_a_value_that_its_format_cannot_hold_is_an_error_before_the_write(rig):
-    job(rig, WRITE, (2585, 0, 1 << 40))
+@pytest.mark.parametrize(("number", "value"), [(2585, 1 << 40), (2585, math.inf), (2585, math.nan), (2000, 1e39)])
+def test_a_value_that_its_format_cannot_hold_is_an_error_before_the_write(rig, number, value):
+    before = rig.store.read(number)
+    job(rig, WRITE, (number, 0, value))
     assert (rig.block.Error, rig.block.ErrorId) == (True, 1)
-    assert rig.store.read(2585) == [-300]
+    assert rig.store.read(number) == before
 
 
 def test_a_drive_that_takes_its_time_is_asked_again_until_it_has_answered(rig):
