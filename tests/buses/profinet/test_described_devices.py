@@ -117,6 +117,16 @@ def test_a_record_that_the_file_does_not_allow_is_refused_or_with_lax_limits_kep
             assert "record accepted though it is wrong" in cell.events()
 
 
+def test_a_device_with_lax_limits_keeps_a_thousand_records_that_its_file_does_not_have():
+    records = Cell(ONE.replace("    ip:", "    limits: lax\n    ip:")).device().kind.records
+    answers = [records.write(None, 0, 2, 1, 100 + index, b"\x01", 0) for index in range(2000)]
+    assert answers == [None] * 1024 + [RecordError(AccessError.INVALID_INDEX)] * 976
+    # those that it has, and those of the file, are written nevertheless
+    for index, data in ((107, b"\x02"), (1, b"\x02\x07")):
+        assert records.write(None, 0, 2, 1, index, data, 0) is None
+        assert records.read(None, 0, 2, 1, index, 100, 0) == data
+
+
 def test_a_record_of_the_file_is_kept_although_the_standard_has_no_such_index(tmp_path):
     file = (
         (CONFIGS / ISLAND)

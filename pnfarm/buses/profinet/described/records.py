@@ -19,6 +19,8 @@ __all__ = ["DescribedRecords"]
 
 #: Records whose complaints are kept until the next one.
 MOST_COMPLAINTS = 64
+#: Records that a device keeps, if its file does not allow them.
+MOST_RECORDS = 1024
 
 
 class DescribedRecords:
@@ -27,7 +29,8 @@ class DescribedRecords:
     A written record is kept and read back until power-off (assumed: the file does not say whether a device stores its
     parameters, and controllers write them in each start-up).  One of a wrong length is refused with "write length
     error", one with a value that its file does not allow with "invalid parameter", another index with "invalid index"
-    (assumed: the codes that the standard has for these); without ``strict`` all are kept, with a warning in the log.
+    (assumed: the codes that the standard has for these); without ``strict`` the first :data:`MOST_RECORDS` are kept,
+    with a warning in the log.
 
     ``find`` gives the file's record of (slot, subslot, index), ``own`` has those that the farm file changes.
     """
@@ -85,17 +88,20 @@ class DescribedRecords:
         del ar, api
         if self.error is not None:
             return self.error
+        place = slot, subslot, index
         wrong = self._wrong(slot, subslot, index, data)
-        self.complaints.pop((slot, subslot, index), None)
+        self.complaints.pop(place, None)
         if wrong is not None:
             code, reason = wrong
             if len(self.complaints) >= MOST_COMPLAINTS:
                 self.complaints.clear()
-            self.complaints[slot, subslot, index] = reason
-            self._note(now, (RecordRefused if self._strict else RecordDoubted)(slot, subslot, index, reason))
-            if self._strict:
+            self.complaints[place] = reason
+            full = len(self._written) >= MOST_RECORDS and place not in self._written
+            refuses = self._strict or full
+            self._note(now, (RecordRefused if refuses else RecordDoubted)(slot, subslot, index, reason))
+            if refuses:
                 return RecordError(code)
-        self._written[slot, subslot, index] = data
+        self._written[place] = data
         return None
 
     def _wrong(self, slot: int, subslot: int, index: int, data: bytes) -> tuple[int, str] | None:
