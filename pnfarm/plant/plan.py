@@ -399,15 +399,21 @@ def _fitted(wire: WireText, source: _End, target: _End) -> PlannedWire:
     unit = wire.unit or given.unit
     if wire.offset_unit and unit and wire.offset_unit != unit:
         raise Problem(f"adds {wire.offset_unit} to {unit}", f"an offset in {unit}")
-    factor = 1.0
-    if unit and taken.unit:
-        try:
-            factor = in_unit(1.0, unit, taken.unit)
-        except Problem as problem:
-            how = "has the unit" if wire.unit else f"({wire.source}) has the unit"
-            what = f"{wire.target} is in {taken.unit}, what the wire gives {how} {unit}"
-            raise Problem(what, f"{problem.allowed}, or a factor: {wire.source} * 1 {taken.unit}") from problem
-    return PlannedWire(wire, begin, end, "number", wire.scale * factor, wire.offset * factor)
+    # beside a number without a unit the offset may have one
+    factor, offset = (
+        _factor(wire, given, taken, one) if one and taken.unit else 1.0 for one in (unit, unit or wire.offset_unit)
+    )
+    return PlannedWire(wire, begin, end, "number", wire.scale * factor, wire.offset * offset)
+
+
+def _factor(wire: WireText, given: Port, taken: Port, unit: str) -> float:
+    """From this unit to that of the wire's target; raises :class:`Problem`."""
+    try:
+        return in_unit(1.0, unit, taken.unit)
+    except Problem as problem:
+        how = f"({wire.source}) has the unit" if unit == given.unit and not wire.unit else "has the unit"
+        what = f"{wire.target} is in {taken.unit}, what the wire gives {how} {unit}"
+        raise Problem(what, f"{problem.allowed}, or a factor: {wire.source} * 1 {taken.unit}") from problem
 
 
 def stations_of(wires: Iterable[PlannedWire]) -> set[str]:

@@ -77,6 +77,15 @@ def test_a_wire_converts_between_units_of_one_kind_and_takes_a_factor_between_ot
         assert line.plant.e.position == pytest.approx(shaft / 2, rel=0.02)
 
 
+def test_an_offset_beside_a_number_without_a_unit_is_in_its_own_unit():
+    models = "  models: [{name: m, kind: first-order, time_constant: 0ms, start: 0.5}, {name: e, kind: encoder}]\n"
+    with Line.from_text(HEAD + models + "  wires: [m.value + 90 deg -> e.position]\n") as line:
+        line.run(0.003)
+        assert line.plant.e.position == pytest.approx(0.25)
+    (issue,) = _issues(models + "  wires: [m.value + 5 mm -> e.position]")
+    assert issue.startswith("7: e.position is in revolutions, what the wire gives has the unit mm; ")
+
+
 def test_limit_switches_and_digital_inputs_of_a_drive_are_the_plants_to_press():
     text = HEAD + (
         "  models: [{name: b, kind: push-button}, {name: c, kind: push-button}]\n"
