@@ -21,7 +21,7 @@ __all__ = ["CodeThread", "Work"]
 
 #: Yields calls that are to be made, one by one; what became of it is in each.
 Work: TypeAlias = Iterator[Call]
-#: Longest time between two looks at a call: each is a wake-up of its own.
+#: Longest time between two looks at a call, and for something that is due: each is a wake-up of its own.
 LOOK_SECONDS = 0.25
 
 
@@ -82,7 +82,9 @@ class CodeThread:
                     thread.make(call)
                 watch.running = None
                 due = self._runner.next_deadline()
-                if self._stop.acquire(timeout=-1 if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)):
+                # code that failed may be made to go on, by a restored state
+                pause = LOOK_SECONDS if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)
+                if self._stop.acquire(timeout=pause):
                     break
                 self._work = self._runner.work(time.monotonic_ns())
         except Exception as exc:  # noqa: BLE001 - carried to the owner, which ends with it

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from pnfarm.plant.plan import plan_plant
 from pnfarm.plant.python_models import PythonModels
 from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.testing import Line
+from pnfarm.user_code.thread import CodeThread
 from pnfarm.vocabulary.durations import parse_duration
 
 MS = 1_000_000
@@ -39,6 +42,41 @@ def models(tmp_path: Path):
     found.start(0)
     yield found, late
     found.close()
+
+
+FRAGILE = """
+class Fragile:
+    outputs = {"value": float}
+
+    def __init__(self):
+        self.broken = False
+
+    def step(self, dt):
+        if self.broken:
+            raise ValueError("broken")
+"""
+
+
+def test_a_model_that_failed_steps_again_in_real_time_when_a_state_brings_it_back(tmp_path: Path):
+    (tmp_path / "fragile.py").write_text(FRAGILE)
+    section = PlantSection.model_validate({"models": [{"name": "m", "python": "fragile.py"}]})
+    plan = plan_plant(section, {}, {}, tmp_path, lambda *issue: pytest.fail(str(issue)))
+    failed, stepped = threading.Event(), threading.Event()
+    models = PythonModels(
+        plan.models.values(), np.zeros(1), lambda *_: failed.set(), late=lambda *_: failed.is_set() and stepped.set()
+    )
+    whole, _ = models.states()
+    models._models[0].model.broken = True
+    models.start(time.monotonic_ns())
+    thread = CodeThread(models, pytest.fail, "plant")
+    thread.start()
+    try:
+        assert failed.wait(20.0)
+        models.put_states(whole, time.monotonic_ns())
+        assert stepped.wait(20.0)
+        assert models.snapshot()["m"]["failure"] == ""
+    finally:
+        thread.close()
 
 
 def test_steps_that_were_due_while_the_machine_stood_are_left_out_and_counted(models):
