@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from pnfarm.testing import Line
@@ -50,6 +52,19 @@ def test_an_axis_driven_into_a_stop_stands_within_a_step_with_its_torque_at_the_
         most = float(motor.torque_constant * motor.peak_current)
         assert axis.current == pytest.approx(float(motor.peak_current), rel=1e-6)
         assert float(_record(line).motor.torque) == pytest.approx(most, rel=1e-6)
+
+
+def test_a_shaft_that_the_plant_holds_is_where_it_is_held_and_goes_no_further():
+    with _line("stop.value * 1 revolutions -> x.load_position", program=IDLE) as line:
+        line.run(0.2)
+        assert line.plant.stop.value == pytest.approx(0.0, abs=1e-9)
+        line.plant.stop.input = 1
+        places = []
+        for _ in range(200):
+            line.run(0.001)
+            places.append((float(_record(line).outside.shaft), float(line.plant.stop.value)))
+        assert places[-1] == pytest.approx((1.0, 1.0), abs=1e-6)
+        assert all(before - 1e-9 <= shaft <= value + 1e-9 for (before, _), (shaft, value) in pairwise(places))
 
 
 def test_a_stop_that_moves_away_lets_the_axis_go_on():

@@ -400,6 +400,9 @@ def step_motor(axis: Any, constants: Constants, powered_stage: bool) -> None:
         speed = shaft_sign(axis.direction) * axis.outside.speed
     speed = min(max(speed, -FASTEST_RPM * RPM_TO_RAD), FASTEST_RPM * RPM_TO_RAD)
     following = speed * RAD_TO_RPM
+    if axis.outside.leads:
+        # at this speed all the time it is there at the end
+        velocity = following
     axis.motor.position += 0.5 * (velocity + following) * (seconds * MINUTES)
     axis.motor.velocity = following
     hold_at_stops(axis.direction, axis.machine, axis.outside, axis.motor)
