@@ -20,6 +20,8 @@ __all__ = ["Direction", "Signal", "place_signal"]
 
 Direction = Literal["input", "output"]
 
+#: Of a number of double precision that was multiplied and divided.
+_ROUNDING = 1e-15
 _WORDS = {"true": True, "on": True, "1": True, "false": False, "off": False, "0": False}
 
 
@@ -167,6 +169,9 @@ class Signal:
             raise Problem(f"{shown(value)} is not a finite number", f"{low:g} to {high:g}")
         raw = round(exact)
         least, most = self.type.limits
+        if math.isclose(exact, most, rel_tol=_ROUNDING) or math.isclose(exact, least, rel_tol=_ROUNDING):
+            # a limit of 64 bits, as it is read, is beyond it on the way back
+            raw = min(max(raw, int(least)), int(most))
         if not least <= raw <= most:
             raise Problem(f"{shown(value)} is outside of {self.type.name} scaled by {self.scale:g}",
                           f"{low:g} to {high:g}{self.unit and f' {self.unit}'}")  # fmt: skip

@@ -22,6 +22,7 @@ devices:
   signals:
     level: {{at: 4.1.2, type: float32, direction: input}}
     shown: {{at: 3.1.0, type: int16}}
+    travel: {{at: 3.1.0, type: int64, unit: mm, scale: 0.001}}
 plant:
   models:
   - {{name: tank, kind: first-order, time_constant: 10ms}}
@@ -68,6 +69,14 @@ def test_an_input_of_whole_numbers_behind_such_a_real_keeps_its_value():
             island.set({"level": value})
             line.run(0.02)
             assert island.get("shown") == shown
+
+
+def test_a_scaled_input_of_64_bits_stays_at_its_limit():
+    with _line("press.value * 1 mm -> island.travel") as line:
+        for value in (1e18, -1e18):
+            line.plant.press.input = value
+            line.run(0.02)
+            assert line.device("island").signals["travel"] == pytest.approx(math.copysign(2.0**63 / 1000, value))
 
 
 @pytest.mark.parametrize("taken", ["load_friction", "load_inertia"])

@@ -194,6 +194,20 @@ def test_any_text_is_a_value_that_can_be_written_or_is_refused(kind, text):
 # types
 
 
+@pytest.mark.parametrize("scale", [0.1, 0.01, 0.3, -0.1, 3.0, 7e11, 1e-12])
+@pytest.mark.parametrize("name", ["uint64", "int64", "uint56", "int56", "uint48", "int32"])
+def test_the_limits_of_a_scaled_number_can_be_written_as_they_are_read(name, scale):
+    one = signal(name, scale=scale)
+    least, most = one.type.limits
+    for raw, beyond in ((least, least - most // 50), (most, most + most // 50)):
+        octets = bytearray(one.type.encode(raw))
+        value = one.read(octets)
+        one.write(octets, value)
+        assert one.read(octets) == value
+        with pytest.raises(Problem, match=r"is outside of"):
+            one.write(octets, beyond * scale)
+
+
 @pytest.mark.parametrize("name", ["bool", "int8", "uint24", "int64", "float32", "octets[1]", "text[1440]"])
 def test_a_type_has_one_name(name):
     assert read_type(name).name == name
