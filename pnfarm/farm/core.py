@@ -514,6 +514,8 @@ class FarmCore:
         if station.has_sockets:
             self._carry(station, now)
         self._deadlines.set(station.index, station.next_deadline())
+        if self.plant is not None:
+            self.plant.settled(station.names)
         # a connection, a parameter: an injection may wait for it
         for name in station.names:
             self.injections.touch(name)

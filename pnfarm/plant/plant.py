@@ -16,7 +16,7 @@ from pnfarm.plant.python_models import PythonModels
 from pnfarm.plant.table import PlantTable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from pnfarm.engine.columns import Columns
     from pnfarm.plant.plan import PlantPlan
@@ -59,6 +59,9 @@ class Plant:
         self._in_real_time = late is not None
         #: Its rows, for a saved state.
         self.table = PlantTable(plan, axes, signals, columns)
+        self._axes = axes
+        #: Telegrams of the axes of which wires read bits.
+        self._telegrams = {name: axes[name].store.telegram_number for name in self.table.bits}
         python = [model for model in plan.models.values() if isinstance(model.what, ModelClass)]
         self.python = PythonModels(python, self.table.values, self._carried, late=late)
         fmus = [model for model in plan.models.values() if isinstance(model.what, FmuModel)]
@@ -138,6 +141,13 @@ class Plant:
         if not self._in_real_time:
             self.python.close()
             self.fmus.close()
+
+    def settled(self, axes: Iterable[str]) -> None:
+        """Something happened to the station of these axes: its controller may have chosen another telegram."""
+        for name in axes:
+            if name in self._telegrams and self._telegrams[name] != (now := self._axes[name].store.telegram_number):
+                self._telegrams[name] = now
+                self.table.follow_telegram(name)
 
     def changed(self) -> None:
         """The engine reported that inputs of stations changed: write them."""

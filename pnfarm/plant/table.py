@@ -12,12 +12,11 @@ from pnfarm.behaviours.catalogue import behaviour_number
 from pnfarm.behaviours.declaration import Behaviour
 from pnfarm.engine.gap import between_ticks
 from pnfarm.engine.plant.step import take_step
-from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.plant.coupling_kinds import CouplingKind
 from pnfarm.plant.plan import StationEnd
 from pnfarm.signals.places import plain_place
-from pnfarm.table.access.places import place_of
+from pnfarm.table.access.places import Place, place_of
 from pnfarm.table.compiling.by_pointer import address_of
 from pnfarm.table.plant import (
     BEHAVIOUR,
@@ -33,7 +32,7 @@ from pnfarm.table.plant import (
     WIRE_INVERTED,
     WIRE_NUMBER,
 )
-from pnfarm.table.trace import PROBE
+from pnfarm.table.trace import PROBE, SOURCE_AXIS_INTEGER
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -42,13 +41,14 @@ if TYPE_CHECKING:
     from pnfarm.plant.plan import PlannedModel, PlannedWire, PlantPlan
     from pnfarm.station.axis import Axis
     from pnfarm.station.plain_signals import PlainSignals
-    from pnfarm.table.access.places import Place
 
 __all__ = ["PlantCopies", "PlantTable"]
 
 _FORMS = {"number": WIRE_NUMBER, "bit": WIRE_BIT, "inverted": WIRE_INVERTED}
 #: Fields of a probe's row that a place has.
 _PLACED = ("source", "word", "less", "shift", "mask", "sign", "scale", "row", "octets", "big", "received")
+#: What is 0 always.
+_NOWHERE = Place(SOURCE_AXIS_INTEGER, 0, 0, mask=0)
 
 
 class PlantCopies(NamedTuple):
@@ -62,7 +62,7 @@ class PlantCopies(NamedTuple):
 
 
 class PlantTable:
-    """Rows for a plan; raises :class:`ConfigError` for a signal that a station's telegram does not have.
+    """Rows for a plan.
 
     The engine steps the plant from :meth:`attach` on.
     """
@@ -95,8 +95,12 @@ class PlantTable:
         #: Rows of the wires to models, by the numbers of the inputs.
         self._targets = {wire.target: row for row, wire in enumerate(plan.wires) if isinstance(wire.target, int)}
         self._fill_wires(plan.wires)
+        #: By axis, the bits of words that wires read: where these are depends on the telegram.
+        self.bits: dict[str, list[tuple[Any, str]]] = {}
         for row, (station, signal) in zip(self._probes, self.probed, strict=False):
             self._fill_probe(row, self._place(station, signal))
+            if station in axes and "." in signal:
+                self.bits.setdefault(station, []).append((row, signal))
         for row, end in zip(self._outlets, targets, strict=False):
             self._fill_outlet(row, end)
         place = 0
@@ -134,6 +138,13 @@ class PlantTable:
         engine.plant_step_ns = self._step_ns
         # set last: from now on the engine looks at the others
         engine.plant_call = address_of(take_step, PLANT)
+
+    def follow_telegram(self, axis: str) -> None:
+        """Another telegram of an axis is in force, which has its bits elsewhere."""
+        for row, signal in self.bits[axis]:
+            # 0 until it is set again, whatever the engine reads meanwhile
+            row.mask = 0
+            self._fill_probe(row, self._place(axis, signal))
 
     # -- its state
 
@@ -175,10 +186,8 @@ class PlantTable:
             place = plain_place(found, *signals.whereabouts(signal))
             # plain_place gives the octet of a bit
             return place if found.bit is None else replace(place, shift=found.bit, mask=1)
-        of_axis = self._plan.axes[station].place_in(axis, signal)
-        if of_axis is None:
-            raise ConfigError(f"plant: telegram {axis.store.telegram_number} of {station} has no {signal}")
-        return of_axis
+        # a bit that the telegram in force does not have is 0
+        return self._plan.axes[station].place_in(axis, signal) or _NOWHERE
 
     @staticmethod
     def _fill_probe(row: Any, place: Place) -> None:

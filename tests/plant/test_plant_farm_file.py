@@ -86,6 +86,31 @@ def test_an_offset_beside_a_number_without_a_unit_is_in_its_own_unit():
     assert issue.startswith("7: e.position is in revolutions, what the wire gives has the unit mm; ")
 
 
+def test_a_wire_reads_the_bit_of_the_telegram_that_the_controller_chose():
+    text = """
+farm: t
+link: {kind: memory}
+drives: [{name: x, model: hiwin-e1, ip: 10.77.0.11/24}]
+controller:
+  ip: 10.77.0.1/24
+  telegram: 111
+  program: {kind: positions, targets: [0, 1], speed_rpm: 240, acceleration: 6000, dwell: 100ms}
+plant:
+  models: [{name: there, kind: lamp}]
+  wires: [x.zsw1.target_position_reached -> there.on]
+"""
+    with Line.from_text(text) as line:
+        line.run(0.01)
+        assert not line.plant.there.lit
+        line.wait_running()
+        line.wait_until(lambda: line["x"].zsw1.target_position_reached, 5.0)
+        line.run(0.01)
+        assert line.plant.there.lit
+        line.wait_until(lambda: not line["x"].zsw1.target_position_reached, 5.0)
+        line.run(0.01)
+        assert not line.plant.there.lit
+
+
 def test_limit_switches_and_digital_inputs_of_a_drive_are_the_plants_to_press():
     text = HEAD + (
         "  models: [{name: b, kind: push-button}, {name: c, kind: push-button}]\n"
