@@ -563,3 +563,10 @@ def test_of_very_many_unknown_words_the_first_are_compared_with_the_known_ones(m
     assert len(issues(MANY["unknown parameters"](2_000))) == 2_000
     assert len(asked) <= 100
     assert len(issues(MANY["unknown parameters"](5))) == 5
+
+
+@pytest.mark.parametrize("own", ["address: 5", "control_unit: 3, gsd: drive.gsd", "rpi: 10ms, ip: 10.77.0.1/24"])
+def test_a_drive_without_a_model_is_reported_as_that_whatever_bus_its_other_keys_are_of(own):
+    with pytest.raises(FarmFileError) as caught:
+        parse_farm(f"farm: line-1\nlink: {{kind: memory}}\ndrives:\n  - {{name: axis-1, {own}}}\n")
+    assert "drives[0].model: is missing" in str(caught.value)

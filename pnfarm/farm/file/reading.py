@@ -41,6 +41,7 @@ from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, Document, YamlError, parse_
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from pnfarm.buses.bus import Bus
     from pnfarm.buses.farm_file import FarmFilePart
 
 __all__ = [
@@ -256,7 +257,7 @@ def _build(
         for found in errors:
             report(*explainer.explain(found))
         wrong = [found["loc"] for found in errors]
-        rest, moved = _set_aside(values, wrong, next(iter(known.models)), choice)
+        rest, moved = _set_aside(values, wrong, known, choice)
         partial = _Partial.model_validate(rest, context=context)
         known, in_lists = with_lists(partial.parameter_lists, folder, known, report)
 
@@ -310,16 +311,23 @@ _ESSENTIAL = frozenset(("name", "model", "start"))
 _JUDGED_BY_MODEL = frozenset({"params", "identity", "realism", "behaviour", "words"})
 
 
-def _without_model(group: dict[str, Any], model: str, part: FarmFilePart[Any, Any]) -> None:
-    """A group of an unknown model still has names and addresses: keep those, and skip the checks of the model."""
+def _without_model(group: dict[str, Any], known: Known, bus: Bus) -> bool:
+    """A group of an unknown model still has names and addresses: keep those, and skip the checks of the model.
+
+    It gets any model of the bus whose keys it has; False where there is none.
+    """
+    on_bus = (name for name in known.models if (model := known.model(name)) is not None and model.bus == bus.name)
+    if (model := next(on_bus, None)) is None:
+        return False
     group["model"] = model
     group["limits"] = "lax"
-    for key in _JUDGED_BY_MODEL | part.judged_by_model:
+    for key in _JUDGED_BY_MODEL | bus.farm_file.judged_by_model:
         group.pop(key, None)
+    return True
 
 
 def _set_aside(
-    values: dict[str, Any], wrong: list[Location], model: str, choice: Choice
+    values: dict[str, Any], wrong: list[Location], known: Known, choice: Choice
 ) -> tuple[dict[str, Any], dict[str, list[int]]]:
     """``values`` without what is wrong, and for each remaining group of drives and devices its place in the file.
 
@@ -331,7 +339,8 @@ def _set_aside(
     lost_devices: set[int] = set()
     for number in {location[1] for location in wrong if location[:1] == ("drives",) and location[2:3] == ("model",)}:
         group = rest["drives"][number]
-        _without_model(group, model, choice.group(group).farm_file)
+        if not _without_model(group, known, choice.group(group)):
+            lost_groups.add(number)
     for location in wrong:
         match location:
             case ("drives", int(number), "params" | "load" | "motor" | "behaviour" as section, str(key), *_):
