@@ -102,8 +102,7 @@ def _state(config: FarmConfig) -> list[Finding]:
         return []
     if (url := config.state_database) is not None:
         return [_database(url, config)]
-    base = config.path.parent if config.path is not None else Path()
-    folder = base / config.state
+    folder = config.beside(config.state)
     # the farm makes what is missing of it
     existing = next((one for one in (folder, *folder.absolute().parents) if one.exists()), Path("/"))
     if existing.is_dir() and os.access(existing, os.W_OK | os.X_OK):

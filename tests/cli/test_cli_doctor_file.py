@@ -31,6 +31,12 @@ def test_a_farm_in_memory_needs_no_interface_and_no_budget(tmp_path):
     assert found["link"].ok
 
 
+def test_a_state_folder_in_the_users_home_is_looked_for_there(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    found = findings(farm(tmp_path, "link: {kind: memory}\napi: off\nstate: ~/drives"))
+    assert found["state"].detail == f"{tmp_path}/home/drives can be written"
+
+
 def test_an_interface_that_does_not_exist_is_told_with_those_that_do(tmp_path, pnfarm):
     file = farm(tmp_path, "link: {kind: tap, bridge: nobridge0}\napi: off")
     done = pnfarm("doctor", file)
