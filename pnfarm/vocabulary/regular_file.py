@@ -1,16 +1,13 @@
-"""Reading files that a user names: whole, bounded, without blocking."""
+"""Files that a user names: where they are, and reading them whole, bounded, without blocking."""
 
 from __future__ import annotations
 
 import errno
 import os
 import stat
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-__all__ = ["read_regular"]
+__all__ = ["beside", "read_regular"]
 
 _KINDS = {
     stat.S_IFDIR: "it is a folder",
@@ -19,6 +16,16 @@ _KINDS = {
     stat.S_IFBLK: "it is a device",
     stat.S_IFSOCK: "it is a socket",
 }
+
+
+def beside(folder: Path, name: str) -> Path:
+    """Where a name in a file of this folder points; ``~`` is the user's home, as in a shell."""
+    path = Path(name)
+    try:
+        return folder / path.expanduser()
+    except RuntimeError:
+        # `~somebody` who is not known is a name like any other, in a shell, too
+        return folder / path
 
 
 def read_regular(path: Path, most: int) -> bytes:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from device_cell import CONFIGS, DRIVES, ONE, Cell
 
+from pnfarm.errors import ConfigError
+
 RIGHT = CONFIGS / "programs" / "right.py"
 
 HEAD = "from pnfarm import AxisProgram\n\n\nclass Mine(AxisProgram):\n    def cycle(self, inputs, outputs, now):\n"
@@ -156,3 +158,8 @@ def test_a_program_runs_devices_on_all_buses(tmp_path):
     assert made.signals("slave").get("clamp") is True
     assert made.signals("weigher").get("target") == 2.5
     assert made.line.programs.program("axis-1").seen == [True, True]
+
+
+def test_a_device_whose_cycle_the_controllers_send_clock_cannot_make_is_named():
+    with pytest.raises(ConfigError, match="device island: its cycle does not fit the controller's send clock: 1ms"):
+        Cell(DRIVES + ONE + SIGNALS + "    cycle: 1ms\n", ", send_clock_factor: 128")

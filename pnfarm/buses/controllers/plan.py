@@ -96,18 +96,18 @@ def profidrive_keys(
 
 
 @contextmanager
-def describing(device: str, path: Path, *, slugs: bool = False) -> Iterator[None]:
+def describing(device: str, path: Path | None = None, *, slugs: bool = False) -> Iterator[None]:
     """Read a device's description file in the block: what goes wrong is a :class:`ConfigError` with their names.
 
-    ``slugs``: also with the slug of what cannot be read.
+    ``path``: None where the file has been read.  ``slugs``: also with the slug of what cannot be read.
     """
+    where = "" if path is None else f", {path}"
     try:
         yield
     except OSError as exc:
-        raise ConfigError(f"device {device}, {path}: cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
+        raise ConfigError(f"device {device}{where}: cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
     except DecodeError as exc:
-        raise ConfigError(f"device {device}, {path}: {exc if slugs else exc.detail or exc.reason}") from exc
+        raise ConfigError(f"device {device}{where}: {exc if slugs else exc.detail or exc.reason}") from exc
     except ConfigError as exc:
         # the loader of a file names it itself
-        where = "" if str(path) in str(exc) else f", {path}"
-        raise ConfigError(f"device {device}{where}: {exc}") from exc
+        raise ConfigError(f"device {device}{'' if str(path) in str(exc) else where}: {exc}") from exc

@@ -31,6 +31,7 @@ from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.protocols.profinet.wire.frame_id import RTC1_UNICAST
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.globs import means
+from pnfarm.vocabulary.regular_file import beside
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -124,7 +125,7 @@ def _defaults(maker: MakerFile | None, submodules: Iterable[PlannedSubmodule]) -
 
 def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Path, ip: IPv4Interface) -> DevicePlan:
     """A device by its GSDML file."""
-    path = folder / device.gsdml
+    path = beside(folder, device.gsdml)
     gsdml = load_gsdml(path)
     if device.watchdog_factor is not None:
         section = section.model_copy(update={"watchdog_factor": device.watchdog_factor})
@@ -144,7 +145,7 @@ def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Pa
 def _plan_own(section: ProfinetController, device: ProfinetDeviceConfig, ip: IPv4Interface) -> DevicePlan:
     """A device of the farm: its file was read with the farm file, and it does not run a safety protocol either."""
     station = device.described.plugged
-    with describing(device.name, Path(device.name)):
+    with describing(device.name):
         planned = plan_station(station, device.described.parameters, safe=True)
         plan = _plan_described(section, device, station.gsdml, planned, ip)
         return replace(plan, data_signals=device.described.signals, data_places=device.described.signal_places)
@@ -205,7 +206,10 @@ def _clock(section: ProfinetController, planned: Described, cycle_ns: int | None
         None,
     ):
         cycle_ns = planned.slowed(DEFAULT_CYCLE_NS)
-    clock = clock_of(section, cycle_ns)
+    try:
+        clock = clock_of(section, cycle_ns)
+    except ValueError as exc:
+        raise ConfigError(f"its cycle does not fit the controller's send clock: {exc}") from exc
     factor, ratio = clock.send_clock_factor, clock.reduction_ratio
     # a cycle without factor and ratio is made of those that the device supports
     if section.send_clock_factor is None and (cycle_ns is not None or section.reduction_ratio is None):
@@ -234,7 +238,7 @@ def _axis_keys(
     """What is planned for each axis, by the fields of ``PlannedDevice``."""
     own = model_slots(model)
     found = []
-    for axis, (shift, number, beside) in zip(drive.axes, places, strict=True):
+    for axis, (shift, number, supplementary) in zip(drive.axes, places, strict=True):
         alone = replace(
             drive,
             name=axis.name,
@@ -244,7 +248,7 @@ def _axis_keys(
             params=axis.params,
             several=(),
         )
-        keys = profidrive_keys(section, alone, model, number, known_steps, beside)
+        keys = profidrive_keys(section, alone, model, number, known_steps, supplementary)
         keys["life"] = model.profidrive.sign_of_life is not None
         if len(places) > 1:
             keys["slots"] = frozenset(slot + shift for slot in own)
