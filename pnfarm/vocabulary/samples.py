@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import csv
 import math
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.vocabulary.durations import read_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
-from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.vocabulary.regular_file import beside, read_regular
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 __all__ = ["MAX_SAMPLES", "MAX_TEXT", "SAMPLES", "read_samples", "with_files"]
 
@@ -64,7 +66,7 @@ def with_files(params: Any, folder: Path | None) -> Any:
     if folder is None or not isinstance(text, str) or not text.startswith("@"):
         return params
     name, _, column = text[1:].partition("#")
-    return {**params, _PARAMETER: _file_samples(folder / Path(name).expanduser(), column)}
+    return {**params, _PARAMETER: _file_samples(beside(folder, name), column)}
 
 
 def _file_samples(path: Path, column: str) -> str:

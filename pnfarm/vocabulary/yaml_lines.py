@@ -89,10 +89,10 @@ class Node:
     """A value with its place.
 
     ``content`` is a scalar, a ``list[Node]`` or a ``dict[str, tuple[Node, Node]]`` (key node, value node).
-    ``size`` counts the values below it and itself, aliases followed.  ``start`` and ``end`` are its characters in the
-    text; the end of a collection in block style is that of its last value.  ``style``: the scalar's quote, ``|`` or
-    ``>``, ``{`` of a collection in flow style, else nothing.  ``shared``: a change of it would be seen elsewhere, or it
-    has values of elsewhere, by an anchor, an alias or a merge.
+    ``size`` counts the values below it and itself, ``height`` the levels below it, aliases followed.
+    ``start`` and ``end`` are its characters in the text; the end of a collection in block style is that of its last
+    value.  ``style``: the scalar's quote, ``|`` or ``>``, ``{`` of a collection in flow style, else nothing.
+    ``shared``: a change of it would be seen elsewhere, or it has values of elsewhere, by an anchor, an alias or a merge.
     """
 
     line: int
@@ -103,6 +103,7 @@ class Node:
     end: int = 0
     style: str = ""
     shared: bool = False
+    height: int = 0
 
     def plain(self) -> Any:
         """The value without positions; aliases become separate copies."""
@@ -228,7 +229,7 @@ class _Builder:
         if depth > MAX_DEPTH:
             self._refuse(event, "is nested too deeply", f"at most {MAX_DEPTH} levels")
         if isinstance(event, yaml.AliasEvent):
-            return self._alias(event, path)
+            return self._alias(event, depth, path)
         node = _node_at(event, None)
         if event.anchor is not None:
             # known but unfinished: an alias to it from inside would be a loop
@@ -246,14 +247,17 @@ class _Builder:
             self.anchors[event.anchor] = node
         return node
 
-    def _alias(self, event: Any, path: str) -> Node:
+    def _alias(self, event: Any, depth: int, path: str) -> Node:
         if event.anchor not in self.anchors:
             self._refuse(event, f"refers to *{event.anchor}, which no anchor defines", "an anchor above", path)
         target = self.anchors[event.anchor]
         if target is None:
             self._refuse(event, f"*{event.anchor} contains itself", "an anchor that is complete", path)
+        if depth + target.height > MAX_DEPTH:
+            what = "is nested too deeply once its aliases are followed"
+            self._refuse(event, what, f"at most {MAX_DEPTH} levels", path)
         self._count(event, target.size)
-        return replace(_node_at(event, target.content, target.size), shared=True)
+        return replace(_node_at(event, target.content, target.size), shared=True, height=target.height)
 
     def _count(self, event: Any, size: int) -> None:
         self.nodes += size
@@ -269,7 +273,7 @@ class _Builder:
         if event.flow_style:
             node.style, node.end = "{", _end(item)
         node.content = items
-        node.size += sum(item.size for item in items)
+        self._measure(node, items)
 
     def _mapping(self, event: Any, node: Node, depth: int, path: str) -> None:
         self._check_tag(event, "map", path)
@@ -300,7 +304,12 @@ class _Builder:
             for name, entry in source.content.items():
                 entries.setdefault(name, entry)
         node.content = entries
-        node.size += sum(value.size for _, value in entries.values())
+        self._measure(node, [value for _, value in entries.values()])
+
+    @staticmethod
+    def _measure(node: Node, inside: list[Node]) -> None:
+        node.size += sum(one.size for one in inside)
+        node.height = 1 + max((one.height for one in inside), default=-1)
 
     def _merge_sources(self, event: Any, value: Node, path: str) -> list[Node]:
         sources = value.content if isinstance(value.content, list) else [value]
@@ -312,6 +321,9 @@ class _Builder:
 
     def _scalar(self, event: Any, path: str) -> Any:
         tag, text = event.tag, event.value
+        if "\0" in text:
+            # in double quotes it can be written; no file, name or number has it
+            self._refuse(event, "holds a NUL character", "printable text", path)
         if event.implicit[0] and tag is None:
             return resolve(text)
         if tag is None or tag in {"!", _CORE_TAG + "str"}:

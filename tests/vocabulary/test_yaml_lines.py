@@ -228,3 +228,9 @@ def test_any_wrong_values_give_a_farm_or_a_farm_file_error(changes):
             continue
     with contextlib.suppress(FarmFileError):
         expand(parse_farm(json.dumps(values)))
+
+
+def test_a_chain_of_aliases_is_nested_as_deeply_as_what_it_makes():
+    links = "".join(f"y{n}: &a{n} [*a{n - 1}]\n" for n in range(1, 600))
+    with pytest.raises(YamlError, match="nested too deeply once its aliases are followed"):
+        parse_yaml(f"y0: &a0 [1]\n{links}")
