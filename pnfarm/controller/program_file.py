@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.controller.axis_program import AxisProgram
@@ -12,6 +11,7 @@ from pnfarm.user_code.file import line_of, own_classes, placed, run_file
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from types import ModuleType
 
     from pnfarm.config.controller import Program
@@ -30,8 +30,7 @@ def program_of(config: FarmConfig) -> type[AxisProgram] | None:
     section = program_settings(config)
     if section is None or section.python is None:
         return None
-    folder = config.path.parent if config.path is not None else Path()
-    return load_program(folder / section.python, section.class_name)
+    return load_program(config.beside(section.python), section.class_name)
 
 
 def program_settings(config: FarmConfig) -> Program | None:

@@ -13,6 +13,7 @@ from pnfarm.drives.description.files import MODEL_FILE, ModelFiles, required
 from pnfarm.drives.description.loader import load_model
 from pnfarm.drives.description.sections import NAMING_FILES, joined_data
 from pnfarm.errors import ConfigError
+from pnfarm.vocabulary.regular_file import beside
 
 if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
@@ -48,7 +49,7 @@ def _folders(further: str) -> list[Path]:
     """The folders of all models; raises :class:`ConfigError` for a named place without any."""
     found = _folders_in(SHIPPED_FOLDER)
     for place in filter(None, further.split(os.pathsep)):
-        own = _folders_in(Path(place).expanduser().resolve())
+        own = _folders_in(beside(Path.cwd(), place).resolve())
         if not own:
             raise ConfigError(f"{MODELS_VARIABLE}: {place} has no folder with a model.toml")
         found += [folder for folder in own if folder not in found]

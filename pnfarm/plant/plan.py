@@ -20,6 +20,7 @@ from pnfarm.plant.python_file import PlantFileError, load_model
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quantities import in_unit
 from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
+from pnfarm.vocabulary.regular_file import beside
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -255,7 +256,7 @@ class _Planner:
         assert model.fmu is not None
         for key in model.parameters:
             self._report((*at, key), "is no key of an FMU", "parameters: {NAME: VALUE}")
-        found = plan_fmu(at, model, self._folder / model.fmu, self._report)
+        found = plan_fmu(at, model, beside(self._folder, model.fmu), self._report)
         if found is None:
             return None
         return self._of_ports(model.name, found, step, found.parameters)
@@ -271,7 +272,7 @@ class _Planner:
             return None
         assert model.python is not None
         try:
-            found = load_model(self._folder / model.python, model.class_name)
+            found = load_model(beside(self._folder, model.python), model.class_name)
         except PlantFileError as error:
             self._report((*at, "python"), str(error), error.allowed)
             return None

@@ -114,7 +114,7 @@ def test_a_file_with_one_bus_is_read_as_before_and_may_have_a_map_as_well():
 
 
 def test_a_key_set_from_outside_reaches_one_bus():
-    config = parse_farm(FILE).with_overrides({"controller.ethernetip.rpi": "20ms", "controller.watchdog_factor": "9"})
+    config = parse_farm(FILE).with_overrides({"controller.ethernetip.rpi": "20ms", "controller.watchdog_factor": 9})
     profinet, _, ethernetip = config.controllers
     assert (profinet.watchdog_factor, ethernetip.rpi_ns) == (9, 20_000_000)
 

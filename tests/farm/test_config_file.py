@@ -395,9 +395,19 @@ def test_a_file_that_is_no_mapping_is_refused(text):
 
 
 def test_overrides_win_and_the_whole_file_is_checked_again():
-    farm = parse(GOOD).with_overrides({"api": "off", "link.parent": "eth7", "realtime.cpu": "3", "drives[0].count": 2})
+    farm = parse(GOOD).with_overrides({"api": "off", "link.parent": "eth7", "realtime.cpu": 3, "drives[0].count": 2})
     assert (farm.api, farm.link.parent, farm.realtime.cpu, len(expand(farm))) == (None, "eth7", 3, 2)
     assert len(expand(parse(GOOD).with_overrides({}))) == 8
+
+
+@pytest.mark.parametrize("text", ["runs #3", "2026", "null", "[a]: b"])
+def test_an_override_is_the_text_that_was_given_whatever_it_is_in_yaml(text):
+    assert parse(GOOD).with_overrides({"state": text}).state == text
+
+
+def test_an_ipv6_address_is_given_to_a_file_without_an_api():
+    farm = parse(GOOD.replace("api: 127.0.0.1:8702", "api: off")).with_overrides({"api": "[::1]:8702"})
+    assert farm.api.listen == ("::1", 8702)
 
 
 def test_a_wrong_override_names_where_it_comes_from():
@@ -570,3 +580,27 @@ def test_a_drive_without_a_model_is_reported_as_that_whatever_bus_its_other_keys
     with pytest.raises(FarmFileError) as caught:
         parse_farm(f"farm: line-1\nlink: {{kind: memory}}\ndrives:\n  - {{name: axis-1, {own}}}\n")
     assert "drives[0].model: is missing" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "parameter_lists: {akd-profinet: ~nobody-here/list.csv}",
+        "devices: [{name: island, gsdml: ~nobody-here/island.xml}]",
+        "devices: [{name: scale, eds: ~nobody-here/scale.eds, ip: 10.77.0.90/24}]",
+        "devices: [{name: valve, gsd: ~nobody-here/valve.gsd, address: 9}]",
+    ],
+)
+def test_a_file_in_the_home_of_somebody_unknown_is_one_that_is_not_there(text):
+    found = issues(f"{GOOD}{text}\n")
+    assert any("cannot be read: no such file or directory" in issue.what for issue in found)
+
+
+def test_a_state_folder_in_the_home_of_somebody_unknown_is_a_folder_of_that_name(tmp_path):
+    farm = parse(GOOD.replace("./state", "~nobody-here/state"), tmp_path / "line.pnfarm.yml")
+    assert farm.state_directory == tmp_path / "~nobody-here" / "state"
+
+
+def test_a_nul_character_that_is_written_with_an_escape_is_refused_as_well(tmp_path):
+    text = GOOD + 'devices: [{name: island, gsdml: "a\\0.xml"}]\n'
+    assert [(issue.line, issue.what) for issue in issues(text)] == [(16, "holds a NUL character")]

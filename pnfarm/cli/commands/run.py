@@ -90,13 +90,14 @@ def run(
     from pnfarm.cli.run_progress import Progress, print_summary
     from pnfarm.scenario.definition.file import load_scenario
     from pnfarm.scenario.report.record import EXIT_CODES, Verdict
+    from pnfarm.vocabulary.regular_file import beside
 
     variables = _variables(values or [])
     scenario = load_scenario(file, variables)
     if farm is not None:
         # relative to where the user is, not to the scenario
         for one in (scenario, *scenario.runs):
-            one.farm = farm if "://" in farm else str(Path(farm).expanduser().absolute())
+            one.farm = farm if "://" in farm else str(beside(Path.cwd(), farm))
     if scenario.is_remote and (virtual or pcap is not None):
         raise ConfigError(
             "--virtual and --pcap are for a farm that `run` starts, and this one runs already; "

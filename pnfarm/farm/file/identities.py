@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.described import AccessPointError, DescribedBus
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.choice import bus_of
 from pnfarm.vocabulary.quoting import shown
+from pnfarm.vocabulary.regular_file import beside
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from pnfarm.config.drive import DriveGroup
     from pnfarm.config.known import Known
@@ -76,7 +77,7 @@ def _resolved(
     described = None if model is None else model.described
     if described is None:
         return own, None
-    path = folder / Path(file).expanduser()
+    path = beside(folder, file)
     try:
         found = bus.described_identity(path, described, own, getattr(group, "access_point", None))
     except AccessPointError as exc:

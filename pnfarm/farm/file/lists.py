@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.vocabulary.issues import FileIssue, Location
 from pnfarm.vocabulary.quoting import did_you_mean, shown
-from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.vocabulary.regular_file import beside, read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     from pnfarm.config.known import Known, ModelFacts
 
@@ -45,7 +45,7 @@ def with_lists(
         elif model.name in listed:
             report((KEY, name), f"{model.name} has a list already", "one list for each model")
         else:
-            path = folder / Path(file).expanduser()
+            path = beside(folder, file)
             text = _read(path, partial(report, (KEY, name)), shown(file))
             if text is not None:
                 listed[model.name], problems = model.with_list(text, path.name)
@@ -57,9 +57,8 @@ def _read(path: Path, report: Callable[[str, str], None], name: str) -> str | No
     """A list's text; None for a file that cannot be read, which is reported under ``name``."""
     try:
         data = read_regular(path, MAX_OCTETS + 1)
-    except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        report(f"{name} cannot be read: {why.lower()}", _ALLOWED)
+    except OSError as error:
+        report(f"{name} cannot be read: {(error.strerror or str(error)).lower()}", _ALLOWED)
         return None
     if len(data) > MAX_OCTETS:
         report(f"{name} is longer than {MAX_OCTETS} octets", "a shorter file")

@@ -35,7 +35,7 @@ from pnfarm.farm.file.lists import with_lists
 from pnfarm.farm.file.sections import CHOICE, AnyDevices, AnyGroup, FarmSections
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path, parse_path
 from pnfarm.vocabulary.quoting import few_hints, shown
-from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.vocabulary.regular_file import beside, read_regular
 from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ class FarmConfig(FarmSections):
 
     def beside(self, path: str) -> Path:
         """A path of the file, relative to the file's folder."""
-        return (self._path.parent if self._path is not None else Path()) / Path(path).expanduser()
+        return beside(self._path.parent if self._path is not None else Path(), path)
 
     @property
     def state_database(self) -> str | None:
@@ -135,7 +135,7 @@ class FarmConfig(FarmSections):
         """The same file with some keys set from outside, checked again as a whole.
 
         Keys are paths as messages write them (``api``, ``link.parent``, ``realtime.cpu``, ``drives[0].count``).
-        Text is read as YAML, so ``"3"`` is a number and ``"off"`` a word; other values are taken as they are.
+        Values are those that a file has once it is read: a text is that text, whatever YAML would make of it.
         ``origin`` names where they come from (``PNFARM_UP_API``, ``--api``) in messages.  Raises
         :class:`FarmFileError`.
         """
@@ -147,9 +147,7 @@ class FarmConfig(FarmSections):
         for key, value in overrides.items():
             location = parse_path(key)
             try:
-                _set(values, location, parse_yaml(value).root.plain() if _is_text(value) else value)
-            except YamlError as error:
-                issues.append(FileIssue(origin, 0, 0, key, error.problem.what, error.problem.allowed))
+                _set(values, location, value)
             except LookupError:
                 issues.append(FileIssue(origin, 0, 0, key, "is not a key of a farm file", "a path such as link.parent"))
             else:
@@ -421,10 +419,6 @@ def _place(path: Path | None, document: Document | None, location: Location) -> 
 
 
 # --- overrides --------------------------------------------------------------------------------------------------
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str) and value.strip() != ""
 
 
 def _set(values: dict[str, Any], location: Location, value: Any) -> None:

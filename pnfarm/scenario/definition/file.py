@@ -20,7 +20,7 @@ from pnfarm.vocabulary.conditions import ConditionError, parse_condition
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, few_hints, shown
-from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.vocabulary.regular_file import beside, read_regular
 from pnfarm.vocabulary.samples import with_files
 from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
 
@@ -91,7 +91,7 @@ class Scenario:
         if self.farm is None or self.is_remote:
             return None
         base = self.path.parent if self.path is not None else Path()
-        return base / Path(self.farm).expanduser()
+        return beside(base, self.farm)
 
     def every_step(self) -> Iterator[Step]:
         """All steps, those of branches too."""

@@ -18,6 +18,7 @@ from pnfarm.protocols.enip.connection import ConnectionKind
 from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, emit_epath, logical_path
 from pnfarm.protocols.enip.wire.forward_open import CYCLIC
 from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.regular_file import beside
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,7 +107,7 @@ def _plan_drive(section: EthernetIpController, drive: EthernetIpDriveConfig, mod
 
 def _plan_foreign(section: EthernetIpController, device: EdsDevice, folder: Path) -> DevicePlan:
     """A device by its EDS file."""
-    path = folder / device.eds
+    path = beside(folder, device.eds)
     with describing(device.name, path, slugs=True):
         sheet = load_eds(path)
         found = sheet.connection(device.connection)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.device_signals import device_signals
@@ -13,9 +12,11 @@ from pnfarm.errors import ConfigError
 from pnfarm.table.plain_data import PLAIN_OCTETS
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.regular_file import beside
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from pnfarm.buses.ethernetip.config.device import EthernetIpDevices
     from pnfarm.buses.ethernetip.described.station import Point
@@ -32,7 +33,7 @@ _US = 1000
 
 def describe_group(at: Location, group: EthernetIpDevices, folder: Path, report: Report) -> DescribedStation | None:
     """What a group's devices are; None where something is wrong, which is reported."""
-    path = folder / Path(group.eds).expanduser()
+    path = beside(folder, group.eds)
     try:
         sheet = load_eds(path)
     except ConfigError as exc:

@@ -16,6 +16,7 @@ from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profibus.master import MasterSettings, SlavePlan
 from pnfarm.protocols.profibus.wire.dp import V1Status1, watchdog_factors
 from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.regular_file import beside
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -101,7 +102,7 @@ def _plan_drive(
 
 def _plan_foreign(section: ProfibusController, device: GsdDevice, folder: Path) -> DevicePlan:
     """A slave by its GSD file."""
-    path = folder / device.gsd
+    path = beside(folder, device.gsd)
     gsd = load_gsd(path)
     with describing(device.name, path):
         slave = plug_slave(gsd, dict(enumerate(device.modules, 1)))

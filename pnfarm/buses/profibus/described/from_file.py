@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.device_signals import device_signals
@@ -13,8 +12,11 @@ from pnfarm.config.slots import names_module
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profibus.gsd.values import PlugError
+from pnfarm.vocabulary.regular_file import beside
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pnfarm.buses.profibus.config.device import ProfibusDevices
     from pnfarm.vocabulary.issues import Location, Report
 
@@ -23,7 +25,7 @@ __all__ = ["describe_group"]
 
 def describe_group(at: Location, group: ProfibusDevices, folder: Path, report: Report) -> DescribedSlave | None:
     """What a group's devices are; None where something is wrong, which is reported."""
-    path = folder / Path(group.gsd).expanduser()
+    path = beside(folder, group.gsd)
     try:
         gsd = load_gsd(path)
     except ConfigError as exc:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.device_signals import device_signals
@@ -14,8 +13,11 @@ from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.parameters import parameter_records
 from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
 from pnfarm.table.plain_data import PLAIN_OCTETS
+from pnfarm.vocabulary.regular_file import beside
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pnfarm.buses.profinet.config.device import ProfinetDevices
     from pnfarm.protocols.profinet.gsdml.station import PluggedStation
     from pnfarm.vocabulary.issues import Location, Report
@@ -25,7 +27,7 @@ __all__ = ["describe_group"]
 
 def describe_group(at: Location, group: ProfinetDevices, folder: Path, report: Report) -> DescribedStation | None:
     """What a group's devices are; None where something is wrong, which is reported."""
-    path = folder / Path(group.gsdml).expanduser()
+    path = beside(folder, group.gsdml)
     try:
         gsdml = load_gsdml(path)
     except ConfigError as exc:
