@@ -604,3 +604,16 @@ def test_a_state_folder_in_the_home_of_somebody_unknown_is_a_folder_of_that_name
 def test_a_nul_character_that_is_written_with_an_escape_is_refused_as_well(tmp_path):
     text = GOOD + 'devices: [{name: island, gsdml: "a\\0.xml"}]\n'
     assert [(issue.line, issue.what) for issue in issues(text)] == [(16, "holds a NUL character")]
+
+
+def test_an_axis_has_a_name_that_no_other_drive_of_the_farm_has():
+    text = """\
+farm: line-1
+link: {kind: memory}
+drives:
+  - {name: feeder, model: profidrive, limits: lax, ip: 10.77.0.11/24, axes: [{name: x}, {name: y}]}
+  - {name: feeder.x, model: akd-profinet, ip: 10.77.0.12/24}
+"""
+    with pytest.raises(FarmFileError) as caught:
+        parse_farm(text)
+    assert "drives[1].name: 'feeder.x' belongs to 'feeder' of drives[0] already" in str(caught.value)

@@ -349,7 +349,7 @@ def _check_between(
         values = list(one.claims())
         # a pattern that does not count is reported as that
         if pattern.count == 1 or numbered(pattern.name):
-            values.append(("name", one.name, shown(one.name)))
+            values += [("name", name, shown(name)) for name in one.names]
         for key, value, text in values:
             by = claims.claim(key, value, label, one.name)
             if by is None or (at, key, claims.place(key, value)) in reported:
