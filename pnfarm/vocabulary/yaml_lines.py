@@ -92,7 +92,7 @@ class Node:
     ``size`` counts the values below it and itself, ``height`` the levels below it, aliases followed.
     ``start`` and ``end`` are its characters in the text; the end of a collection in block style is that of its last
     value.  ``style``: the scalar's quote, ``|`` or ``>``, ``{`` of a collection in flow style, else nothing.
-    ``shared``: a change of it would be seen elsewhere, or it has values of elsewhere, by an anchor, an alias or a merge.
+    ``shared``: a change of it would be seen elsewhere, or it has values of elsewhere, by an anchor, alias or merge.
     """
 
     line: int
