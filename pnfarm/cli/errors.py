@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import traceback
 from typing import TYPE_CHECKING
@@ -16,7 +15,7 @@ from pnfarm.terminal.settings import settings
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["BAD_INPUT", "INTERNAL", "report", "silence_stdout"]
+__all__ = ["BAD_INPUT", "INTERNAL", "report"]
 
 BAD_INPUT = 2
 INTERNAL = 5
@@ -70,14 +69,3 @@ def _usage(error: BaseException) -> str:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "pnfarm"
     return f"pnfarm: {sentence[:1].lower()}{sentence[1:]}; see `{command} --help`"
-
-
-def silence_stdout() -> None:
-    """The reader of our output has closed the pipe: discard what is still buffered."""
-    try:
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, sys.stdout.fileno())
-        os.close(null)
-    except (OSError, ValueError):
-        # not a real stream (in a test): nothing is flushed at exit
-        return

@@ -36,12 +36,13 @@ from pnfarm.cli.commands import (
     verify,
 )
 from pnfarm.cli.commands import run as scenario
-from pnfarm.cli.errors import report, silence_stdout
+from pnfarm.cli.errors import report
 from pnfarm.farm.process.address_space import COMMAND, few_threads, require_address_space
 from pnfarm.farm.process.garbage import search_seldom
 from pnfarm.farm.process.heap import keep_heap_small
 from pnfarm.terminal.command import Command, Panel, arranged
 from pnfarm.terminal.settings import LogFormat, LogLevel, Settings, help_without_command, settings
+from pnfarm.terminal.streams import prepare_streams, silence_stdout
 from pnfarm.version import __version__
 
 if TYPE_CHECKING:
@@ -159,6 +160,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     few_threads()
     keep_heap_small()
     search_seldom()
+    prepare_streams()
     blank = Settings()
     settings.log_format, settings.log_level, settings.debug = blank.log_format, blank.log_level, blank.debug
     given = _global_first(sys.argv[1:] if arguments is None else arguments)

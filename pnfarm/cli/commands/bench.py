@@ -11,10 +11,12 @@ import typer
 
 from pnfarm.cli.completion import complete_benchmark
 from pnfarm.farm.process.address_space import ENGINE, require_address_space
+from pnfarm.terminal.streams import going_on_unread
 
 __all__ = ["command"]
 
 
+@going_on_unread()
 def command(
     names: Annotated[
         list[str] | None,
@@ -40,9 +42,13 @@ def command(
     from pnfarm.bench.catalogue import BENCHMARKS, chosen, measured
     from pnfarm.bench.report import markdown, print_table
     from pnfarm.bench.result import exit_code
+    from pnfarm.cli.commands.run import check_writable
 
     require_address_space(ENGINE)
     wanted = chosen(names or [])
+    for path in (json_file, markdown_file):
+        if path is not None:
+            check_writable(path)
     from pnfarm.links.kernel.sandbox import enter_sandbox
 
     enter_sandbox()

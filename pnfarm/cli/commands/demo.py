@@ -19,6 +19,7 @@ import typer
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.process.address_space import ENGINE, require_address_space
+from pnfarm.terminal.streams import going_on_unread
 
 __all__ = ["command"]
 
@@ -67,6 +68,7 @@ OTHERS = (
 PARENT, PEER = "pndemo0", "pndemo1"
 
 
+@going_on_unread()
 def command(
     drives: Annotated[int, typer.Option(min=1, max=256, help="Number of virtual drives.")] = 8,
     seconds: Annotated[float, typer.Option(min=1.0, help="Minimum run time.")] = 12.0,

@@ -11,6 +11,7 @@ import typer
 from pnfarm.errors import EnvironmentError_
 from pnfarm.terminal.output import print_json, print_line, print_next, print_section, print_table
 from pnfarm.terminal.settings import Format, FormatOption, ShardOption
+from pnfarm.terminal.streams import going_on_unread
 
 if TYPE_CHECKING:
     from pnfarm.farm.doctor.machine import Finding
@@ -20,6 +21,7 @@ __all__ = ["doctor"]
 _LABELS = {True: "ok", None: "note", False: "MISSING"}
 
 
+@going_on_unread()
 def doctor(
     context: typer.Context,
     file: Annotated[

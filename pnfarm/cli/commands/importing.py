@@ -11,6 +11,7 @@ from pnfarm.cli.farm_file import counted
 from pnfarm.errors import ConfigError
 from pnfarm.terminal.output import print_line
 from pnfarm.terminal.settings import Format, FormatOption
+from pnfarm.terminal.streams import going_on_unread
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,6 +41,7 @@ CheckOwnOption = Annotated[
 DEFAULT_PARENT = "eth1"
 
 
+@going_on_unread()
 def importing(
     files: Annotated[
         list[Path],

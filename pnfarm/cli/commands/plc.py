@@ -14,6 +14,7 @@ from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.process.address_space import ENGINE, require_address_space
 from pnfarm.terminal.output import console, make_table, number, print_json, print_line, print_table, seconds
 from pnfarm.terminal.settings import Format, settings
+from pnfarm.terminal.streams import going_on_unread
 from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ __all__ = ["plc"]
 DRAW_SECONDS = 0.25
 
 
+@going_on_unread()
 def plc(
     file: Annotated[
         Path | None,

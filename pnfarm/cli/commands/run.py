@@ -15,6 +15,7 @@ from pnfarm.terminal.settings import (
     TlsCaOption,  # noqa: TC001 - the command line is made from the annotations
     TokenOption,  # noqa: TC001 - the command line is made from the annotations
 )
+from pnfarm.terminal.streams import going_on_unread
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,6 +60,7 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     return bind_scenario(scenario, drives, fault_kinds(), signals, kinds, states), config
 
 
+@going_on_unread()
 def run(
     file: Annotated[Path, typer.Argument(help="Scenario, *.scenario.yml.", metavar="SCENARIO", show_default=False)],
     virtual: Annotated[

@@ -13,6 +13,7 @@ from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.farm.process.address_space import ENGINE, require_address_space
 from pnfarm.terminal.output import print_line, print_next, print_section, print_table
 from pnfarm.terminal.output import seconds as time_text
+from pnfarm.terminal.streams import going_on_unread
 
 if TYPE_CHECKING:
     from pnfarm.cli.verify.report import Answer, Limits, Part, Report
@@ -23,6 +24,7 @@ __all__ = ["verify"]
 WIRE_SECONDS = 300.0
 
 
+@going_on_unread()
 def verify(
     quick: Annotated[
         bool, typer.Option("--quick", help="Only in memory, and without the machine's limits: about ten seconds.")
