@@ -10,6 +10,7 @@ import pytest
 from api_client import Farm
 from api_world import Served
 
+from pnfarm.terminal import client
 from pnfarm.testing import Line
 
 FARM = """farm: t
@@ -66,3 +67,14 @@ def test_the_live_stream_follows_a_model(world):
     every = world.get("/api/v1/live?device=all&overview=false&follow=false").text
     assert '"device":"lamp"' in every
     assert world.get("/api/v1/live?device=griper&overview=false&follow=false").status_code == 404
+
+
+def test_a_port_of_an_fmu_may_have_dots_in_its_name(pnfarm, monkeypatch):
+    port = {"name": "body.x", "unit": "m", "shown": "1.5", "owner": "plant", "good": True}
+    answers = {
+        ("devices",): {"devices": []},
+        ("plant",): {"models": [{"name": "press"}]},
+        ("devices", "press", "signals"): {"device": "press", "signals": [port]},
+    }
+    monkeypatch.setattr(client.FarmClient, "get", lambda _, *path: answers[path])
+    assert pnfarm("io", "press.body.x").out == "press.body.x = 1.5 m\n"

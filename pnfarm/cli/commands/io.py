@@ -94,11 +94,11 @@ def io(
 
 
 def _parsed(word: str, known: Sequence[str]) -> _Wanted:
-    """A word; a station's name may have dots, a signal's has none."""
+    """A word; a station's name may have dots, and that of an FMU's port."""
     name, equals, value = word.partition("=")
-    station, dot, signal = ("", "", "") if name in known else name.rpartition(".")
-    if not dot:
-        station, signal = name, ""
+    places = [len(name), *(place for place, letter in reversed(list(enumerate(name))) if letter == ".")]
+    place = next((one for one in places if name[:one] in known), places[:2][-1])
+    station, signal = name[:place], name[place + 1 :]
     if station not in known:
         hint = did_you_mean(station, known)
         raise ConfigError(
