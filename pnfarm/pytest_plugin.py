@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import os
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -35,8 +36,8 @@ REQUIRE_ALL = "PNFARM_REQUIRE_ALL"
 MOST_DRIVES = 16
 MOST_EVENTS = 25
 
-#: What a test uses: shown when it fails.
-_USED = pytest.StashKey["list[Line | Rig]"]()
+#: What a test uses, a list of each fixture: shown when it fails.
+_USED = pytest.StashKey["list[list[Line | Rig]]"]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -95,7 +96,7 @@ class Lines:
 def pnfarm_farm(request: pytest.FixtureRequest) -> Iterator[Lines]:
     """Farms in memory, in virtual time: ``pnfarm_farm("axis-01", model="hiwin-e1")`` is a pnfarm.testing.Line."""
     lines = Lines()
-    request.node.stash[_USED] = lines.open
+    request.node.stash.setdefault(_USED, []).append(lines.open)
     yield lines
     lines.close()
 
@@ -125,7 +126,7 @@ def _pnfarm_session_rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
 @pytest.fixture
 def pnfarm_rig(request: pytest.FixtureRequest, _pnfarm_session_rig: Rig) -> Iterator[Rig]:
     """The farm that ``--pnfarm-rig`` names (pnfarm.testing.Rig), the same for all tests; each ends with a reset."""
-    request.node.stash[_USED] = [_pnfarm_session_rig]
+    request.node.stash.setdefault(_USED, []).append([_pnfarm_session_rig])
     yield _pnfarm_session_rig
     _pnfarm_session_rig.reset()
 
@@ -135,7 +136,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     """Show the drives of a failed test, and what happened to them last."""
     report = yield
     if report.failed and report.when == "call":
-        for used in item.stash.get(_USED, []):
+        for used in chain.from_iterable(item.stash.get(_USED, [])):
             report.sections.append(("pnfarm", "\n".join(_shown(used))))
     return report
 

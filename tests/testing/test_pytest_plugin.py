@@ -60,6 +60,18 @@ def test_a_failed_test_shows_the_drives_and_their_last_events(tmp_path):
     assert " s axis-02: fault (number 702" in done.stdout
 
 
+def test_a_failed_test_of_a_line_and_a_rig_shows_the_drives_of_both(tmp_path):
+    rig = tmp_path / "rig.pnfarm.yml"
+    rig.write_text(
+        "farm: rig\nlink: {kind: memory}\napi: off\ncontroller: {ip: 10.77.0.1/24}\n"
+        "drives: [{name: real, model: akd-profinet, ip: 10.77.0.11/24}]\n"
+    )
+    text = 'def test_it(pnfarm_farm, pnfarm_rig):\n    pnfarm_farm("virtual")\n    assert False\n'
+    done = _session(tmp_path, text, "--pnfarm-rig", str(rig))
+    assert "<Drive virtual " in done.stdout
+    assert "<Drive real " in done.stdout
+
+
 def test_without_the_option_a_test_of_a_rig_is_skipped_with_the_reason_or_fails_where_all_is_required(tmp_path):
     text = "def test_it(pnfarm_rig):\n    pass\n"
     done = _session(tmp_path, text)
