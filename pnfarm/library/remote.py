@@ -82,7 +82,10 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
         """Clear what was injected here, and disconnect; the farm runs on."""
         with anyio.CancelScope(shield=True):
             try:
-                for fault in list(self._faults.values()):
+                # of those that have ended the farm forgets the oldest
+                own = {**self._faults}
+                listed = (await self.ask(self._client.get, "faults"))["faults"] if own else ()
+                for fault in (own[view["id"]] for view in listed if view["id"] in own):
                     await fault.clear()
             finally:
                 with self._client:

@@ -20,6 +20,7 @@ from pnfarm.farm.farm import Farm as RealFarm
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.memory_link import MOST_BEHIND_NS
 from pnfarm.farm.wait import require_in_time
+from pnfarm.faults import manager
 from pnfarm.station.event_log import EventLog
 from pnfarm.testing import Rig
 
@@ -207,6 +208,23 @@ def test_a_running_farm_is_reached_by_its_api_with_the_same_names():
 
     asyncio.run(work())
     asyncio.run(whole())
+
+
+def test_a_client_clears_its_faults_also_where_the_farm_has_forgotten_others_of_its(monkeypatch):
+    monkeypatch.setattr(manager, "KEPT", 1)
+
+    async def work():
+        async with served() as url:
+            async with pnfarm.Farm.connect(url) as farm:
+                for _ in range(2):
+                    short = await farm.fault("not-ready", on="axis-01", for_=0.01)
+                    while (await short.refresh()).state != "ended":
+                        await farm.run(0.01)
+                await farm.fault("not-ready", on="axis-02")
+            async with pnfarm.Farm.connect(url) as farm:
+                assert [drive.view["faults_injected"] for drive in farm.drives] == [[], []]
+
+    asyncio.run(work())
 
 
 def test_no_farm_and_a_token_that_is_missing_are_told_in_one_sentence():
