@@ -97,6 +97,7 @@ class Farm(FarmFace[Drive, Device]):
 
     async def close(self) -> None:
         """End every fault, stop the drives, and remove every interface that the farm made.  Twice does nothing."""
+        self._drives, self._devices = {}, {}
         with anyio.CancelScope(shield=True):
             await self._passing.close()
 

@@ -275,3 +275,12 @@ def test_signals_and_the_controller_are_seen(running):
             farm.controller("axis-9")
 
     running(work)
+
+
+def test_a_farm_that_does_not_run_any_more_has_no_drives():
+    async def work():
+        async with pnfarm.Farm.from_text(FILE, virtual=True) as farm:
+            assert len(farm.drives) == 2
+        assert (farm.drives, repr(farm)) == ([], "<Farm library: not running>")
+
+    asyncio.run(work())
