@@ -24,6 +24,7 @@ from pnfarm.buses.projects.description_folders import DescriptionFile
 from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.found import write_farm
 from pnfarm.farm.file.reading import expand, load_farm, parse_farm
 from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.enip.connection_check import check_io, read_path
@@ -387,3 +388,11 @@ def test_thousands_of_stations_make_a_file_that_can_be_read():
     made = check_found([*drives, *others])
     assert len(made.drives) == 300
     assert "and 4500 more" in made.text
+
+
+def test_a_description_file_that_cannot_be_read_is_named_as_it_would_be_beside_the_farm_file(tmp_path):
+    file = DescriptionFile("gsdml", "GSDML-V2.35-pnfarm-{name}-20260101.xml", b"")
+    made = write_farm([FoundDevice("island", file, {})], "line", "eth1", "line.pcapng", tmp_path)
+    (told,) = made.left_out
+    assert told.startswith("island: cannot be in a farm: GSDML-V2.35-pnfarm-island-20260101.xml, line 1: no element")
+    assert "GSDML-V2.35-pnfarm-island-20260101.xml" in made.text

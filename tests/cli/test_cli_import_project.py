@@ -50,6 +50,15 @@ def test_drives_of_a_project_have_its_names_addresses_and_files(pnfarm, folder, 
     assert "plc-1: IP 10.7.0.1" in text
 
 
+@pytest.mark.parametrize("name", ["20261127", "1e5", "null"])
+def test_a_file_whose_name_is_a_number_or_a_word_of_yaml_is_a_farm_of_that_name(pnfarm, folder, name):
+    file, out = folder / f"{name}.aml", folder / "line.pnfarm.yml"
+    file.write_text(project(plc(), drive("axis-1", "10.7.0.11")))
+    assert pnfarm("import", file, "-o", out).code == 0
+    assert load_farm(out).farm == name
+    assert pnfarm("import", file, "-o", out, "--update").code == 0
+
+
 def module_id(number):
     """Of a telegram, in the file that the folder has."""
     document = describe_model(model("hiwin-e1"))

@@ -94,7 +94,9 @@ def write_farm(found: Sequence[Found], name: str, parent: str, source: str, fold
             try:
                 stations = expand_all(parse_farm(text, folder / f"{name}.pnfarm.yml"))
             except FarmFileError as error:
-                kept = _without(kept, others, error.issues, left_out)
+                # the folder is gone when somebody reads this
+                issues = [replace(one, what=one.what.replace(f"{scratch}/", "")) for one in error.issues]
+                kept = _without(kept, others, issues, left_out)
             else:
                 addresses = frozenset(key for one in stations for key, *_ in one.claims())
                 break
@@ -240,7 +242,7 @@ def _text(
     """``files`` is what the names of description files begin with."""
     lines = [
         *_comment(f"Made by `pnfarm import {source}`. What was seen is in the comments: check them.", "# "),
-        f"farm: {name}",
+        f"farm: {_value(name)}",
         *_link(stations or others, parent),
         "api: 127.0.0.1:8702",
     ]
@@ -342,6 +344,8 @@ def _printable(text: str) -> str:
 
 
 def _comment(text: str, begin: str) -> list[str]:
-    return textwrap.wrap(_printable(text), _WIDTH, initial_indent=begin, subsequent_indent=begin + "  ") or [
-        begin.rstrip()
-    ]
+    # a name with hyphens stays whole
+    lines = textwrap.wrap(
+        _printable(text), _WIDTH, initial_indent=begin, subsequent_indent=begin + "  ", break_on_hyphens=False
+    )
+    return lines or [begin.rstrip()]
