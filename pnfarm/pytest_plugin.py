@@ -136,7 +136,8 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     """Show the drives of a failed test, and what happened to them last."""
     report = yield
     if report.failed and report.when == "call":
-        for used in chain.from_iterable(item.stash.get(_USED, [])):
+        fixtures = item.stash.get(_USED, [])
+        for used in chain.from_iterable(fixtures):
             report.sections.append(("pnfarm", "\n".join(_shown(used))))
     return report
 

@@ -65,7 +65,7 @@ def going_on_unread() -> Iterator[None]:
     they print any more, as in ``pnfarm run ... | head -1``.
     """
     before = sys.stdout
-    sys.stdout = _Unread(before)  # type: ignore[assignment]  # all that the program uses of a stream
+    sys.stdout = _Unread(before)
     try:
         yield
         sys.stdout.flush()

@@ -315,9 +315,9 @@ def _without_model(group: dict[str, Any], known: Known, bus: Bus) -> bool:
     It gets any model of the bus whose keys it has; False where there is none.
     """
     on_bus = (name for name in known.models if (model := known.model(name)) is not None and model.bus == bus.name)
-    if (model := next(on_bus, None)) is None:
+    if (any_one := next(on_bus, None)) is None:
         return False
-    group["model"] = model
+    group["model"] = any_one
     group["limits"] = "lax"
     for key in _JUDGED_BY_MODEL | bus.farm_file.judged_by_model:
         group.pop(key, None)
@@ -338,7 +338,7 @@ def _set_aside(
     for number in {location[1] for location in wrong if location[:1] == ("drives",) and location[2:3] == ("model",)}:
         group = rest["drives"][number]
         if not _without_model(group, known, choice.group(group)):
-            lost_groups.add(number)
+            lost_groups.add(int(number))
     for location in wrong:
         match location:
             case ("drives", int(number), "params" | "load" | "motor" | "behaviour" as section, str(key), *_):
