@@ -72,8 +72,11 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.records.pdev_checks import PortFacts
     from pnfarm.protocols.profinet.wire.block import RawBlock
 
-__all__ = ["InterfaceFacts", "PdevIndex", "PhysicalDevice"]
+__all__ = ["MOST_OCTETS", "InterfaceFacts", "PdevIndex", "PhysicalDevice"]
 
+#: Octets of the longest record that is kept: PDExpectedData has those of a submodule in one block (assumed: the
+#: standard leaves the limit to the device).
+MOST_OCTETS = 4096
 #: A neighbour that keeps PROFINET's interval has sent by then; until then its absence is not an error (assumed).
 _PEER_GRACE_NS = 5_000_000_000
 _NO_ADDRESS = IPv4Address(0)
@@ -226,6 +229,8 @@ class PhysicalDevice:
         if index not in writable:
             readable = _INTERFACE_READABLE if is_interface(subslot) else _PORT_READABLE
             return RecordError(AccessError.ACCESS_DENIED if index in readable else AccessError.INVALID_INDEX)
+        if len(data) > MOST_OCTETS:
+            return RecordError(AccessError.WRITE_LENGTH_ERROR)
         try:
             (block,) = split_blocks(data)
             refused = self._take(place, index, writable[index], block, now)

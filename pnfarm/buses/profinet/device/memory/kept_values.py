@@ -10,6 +10,7 @@ from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValu
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.protocols.profinet.dcp.rules import check_ip_suite
+from pnfarm.protocols.profinet.records.pdev import MOST_OCTETS
 from pnfarm.protocols.profinet.snmp.view import SystemText
 from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.station.kept_values import FAULTS, Shape, check_shapes, drive_shape, is_address, is_number
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["check_kept"]
 
 _U16, _U32 = 0xFFFF, 0xFFFF_FFFF
-#: Octets of a record, and characters of a text that a manager writes.
-_MOST_OCTETS, _MOST_TEXT = 4096, 255
+#: Characters of a text that a manager writes.
+_MOST_TEXT = 255
 #: Parts of a record's key: slot, subslot, index.
 _RECORD_PARTS = 3
 #: DNS servers of DCP's full IP suite; FSHelloMode, interval, retry and delay.
@@ -44,7 +45,7 @@ def _is_name(value: Any) -> bool:
 
 def _is_records(value: Any) -> bool:
     return isinstance(value, dict) and all(
-        isinstance(key, str) and _is_record_key(key) and isinstance(data, bytes) and len(data) <= _MOST_OCTETS
+        isinstance(key, str) and _is_record_key(key) and isinstance(data, bytes) and len(data) <= MOST_OCTETS
         for key, data in value.items()
     )
 
