@@ -7,7 +7,7 @@ from dataclasses import replace
 from ipaddress import IPv4Address
 
 import pytest
-from device_cell import CONFIGS, CONTROLLER, DRIVES, HEAD, ONE, Cell, parse
+from device_cell import CONFIGS, CONTROLLER, DRIVES, HEAD, ISLAND, ONE, Cell, parse
 from shared_line import SharedLine
 from slave_cell import CONTROLLER as MASTER
 from slave_cell import ONE as SLAVE
@@ -137,6 +137,16 @@ def test_another_access_point_is_named_with_its_key():
     found = [one for one in refusals(of(view(Mistaken(text, ONE)), "island")) if one["place"] in {"0", ""}]
     assert found[0]["key"] == "devices[0].access_point"
     assert found[0]["line"] == line(text, "access_point")
+
+
+def test_a_controller_with_another_makers_file_names_both_devices_and_the_file(tmp_path):
+    other = tmp_path / "GSDML-V2.35-Example-Island-20261128.xml"
+    other.write_text((CONFIGS / ISLAND).read_text("utf-8").replace('DeviceID="0x1517"', 'DeviceID="0x1518"'), "utf-8")
+    island = of(view(Mistaken(ONE, ONE.replace(ISLAND, str(other)))), "island")
+    (found,) = refusals(island)
+    assert "expects device 0x1518 of vendor 0xFEED, this is device 0x1517 of vendor 0xFEED" in found["text"]
+    assert (island["state"], found["works"], found["key"]) == ("refused", False, "devices[0].gsdml")
+    assert found["line"] == line(ONE, "gsdml:")
 
 
 def test_a_name_that_no_station_has_is_missing_with_the_nearest_and_its_line():

@@ -41,7 +41,8 @@ def test_a_call_for_another_device_is_rejected_as_for_an_unknown_interface(wrong
     assert answer.kind == PacketType.REJECT
     assert answer.object_uuid == wrong
     assert parse_status(answer.body, little_endian=True) == NcaStatus.UNK_IF
-    assert (device.events(), device.activities) == ([], {})
+    (told,) = device.events()
+    assert (told.object_uuid, told.opnum, device.activities) == (wrong, opnum, {})
     assert put(device, request(object_uuid=OBJECT, opnum=opnum)) == []
     assert received(device).object_uuid == OBJECT
 

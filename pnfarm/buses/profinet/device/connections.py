@@ -36,12 +36,12 @@ from pnfarm.station.visits import Caller
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from uuid import UUID
 
     from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.device.parts import DeviceParts
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.protocols.profinet.cm.device.events import CmEvent
+    from pnfarm.protocols.profinet.rpc.events import CallMisdirected
     from pnfarm.station.visits import Visits
 
 __all__ = ["StationConnections"]
@@ -71,8 +71,6 @@ class StationConnections:
         self._sought_ns: int | None = None
         self._told_ns = 0
         self._sought_by_name = False
-        #: The object that the last Connect was addressed to.
-        self.asked_for: UUID | None = None
         #: For injections on the connection: how to hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
         #: Called with (event, now) for each event of context management, after the station has handled it.
@@ -179,11 +177,13 @@ class StationConnections:
         """What the controller expects, and what is there."""
         ar = self._station.cm.ar(event.ar_key)
         found = [] if ar is None else refused.of_modules(ar, self._station.description, self._station.kind)
-        if (asked := self.asked_for) is not None:
-            other = refused.of_device(asked, self._station.description)
-            found += [] if other is None else [other]
         if found:
             self._visits.refused(caller, found, final=False)
+
+    def misdirected(self, call: CallMisdirected) -> None:
+        """A Connect for another device was rejected."""
+        refusal = refused.of_device(call.object_uuid, self._station.description)
+        self._visits.refused(Caller(str(call.peer.ip), call.source_mac or b""), [refusal], attempt=True)
 
     def _record_refused(self, event: RecordRefused | RecordWritten) -> None:
         """Records of the start-up are compared, not those of a running program."""

@@ -18,7 +18,7 @@ from pnfarm.errors import InternalError
 from pnfarm.protocols.ip.host import DatagramReceived
 from pnfarm.protocols.profinet.dcp.rules import AbortRequired, FactoryReset, IpSet, NameSet, SignalBegan, Stored
 from pnfarm.protocols.profinet.records.pdev_checks import CheckFailed
-from pnfarm.protocols.profinet.rpc.events import CallFailed, CallKey, CallReceived, CallReturned
+from pnfarm.protocols.profinet.rpc.events import CallFailed, CallKey, CallMisdirected, CallReceived, CallReturned
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum
 from pnfarm.protocols.profinet.wire.snmp.message import SNMP_PORT
@@ -174,10 +174,8 @@ class DevicePump:
         requests = device.rpc.events()
         for request in requests:
             if isinstance(request, CallReceived):
-                if request.opnum == Opnum.CONNECT:
-                    device.connections.asked_for = request.object_uuid
-                    if request.source_mac is not None:
-                        device.budget.note(request.source_mac, now)
+                if request.opnum == Opnum.CONNECT and request.source_mac is not None:
+                    device.budget.note(request.source_mac, now)
                 device.cm.receive_call(
                     request.call,
                     request.opnum,
@@ -187,6 +185,8 @@ class DevicePump:
                     now,
                     source_mac=request.source_mac,
                 )
+            elif isinstance(request, CallMisdirected) and request.opnum == Opnum.CONNECT:
+                device.connections.misdirected(request)
         answers = device.client.events()
         for answer in answers:
             token = self._calls.pop(answer.call_id, None)

@@ -36,14 +36,16 @@ def of_connect(status: PnioStatus, detail: str) -> Refusal:
     return Refusal(f"Connect refused: {detail}, {describe_status(status)}", key)
 
 
-def of_device(asked: UUID, description: DeviceDescription) -> Refusal | None:
-    """The object UUID of a Connect names another device (IEC 61158-6-10, 4.10.3.2); it is taken nevertheless."""
-    device, vendor = (int.from_bytes(asked.bytes[place : place + 2], "big") for place in (12, 14))
-    if (vendor, device) == (description.vendor_id, description.device_id):
-        return None
-    text = f"the controller expects device 0x{device:04X} of vendor 0x{vendor:04X}, this is device "
-    text += f"0x{description.device_id:04X} of vendor 0x{description.vendor_id:04X}"
-    return Refusal(text, ("gsdml",), works=True)
+def of_device(asked: UUID, description: DeviceDescription) -> Refusal:
+    """The object UUID of a Connect names another device (IEC 61158-6-10, 4.10.3.2)."""
+    instance, device, vendor = (int.from_bytes(asked.bytes[place : place + 2], "big") for place in (10, 12, 14))
+    expects = _device(instance, device, vendor)
+    own = _device(description.instance, description.device_id, description.vendor_id)
+    return Refusal(f"the controller expects {expects}, this is {own}", ("gsdml",))
+
+
+def _device(instance: int, device: int, vendor: int) -> str:
+    return f"device 0x{device:04X} of vendor 0x{vendor:04X}" + (f", instance {instance}" if instance != 1 else "")
 
 
 def of_modules(ar: Ar, description: DeviceDescription, kind: Kind) -> list[Refusal]:

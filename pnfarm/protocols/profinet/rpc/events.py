@@ -23,6 +23,7 @@ __all__ = [
     "CallCancelled",
     "CallFailed",
     "CallKey",
+    "CallMisdirected",
     "CallReceived",
     "CallReturned",
     "ClientEvent",
@@ -83,6 +84,16 @@ class CallCancelled:
     orphaned: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class CallMisdirected:
+    """A call for an object of another device was rejected."""
+
+    object_uuid: UUID
+    opnum: int
+    peer: Peer
+    source_mac: bytes | None
+
+
 class LateAnswers(Protocol):
     """Gives the delay of a server's response (used by injections)."""
 
@@ -93,7 +104,7 @@ class LateAnswers(Protocol):
         """The answer left; ``sent`` False: the call was no longer open."""
 
 
-ServerEvent = CallReceived | CallCancelled
+ServerEvent = CallReceived | CallCancelled | CallMisdirected
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,8 +47,7 @@ class Offer:
         major, minor = pdu.interface_version & 0xFFFF, pdu.interface_version >> 16
         if interface is None or major != interface.version or minor:
             return NcaStatus.UNK_IF
-        objects = self._objects.get(pdu.interface)
-        if objects is not None and pdu.object_uuid not in objects:
+        if self.is_for_another(pdu):
             return NcaStatus.UNK_IF
         if pdu.opnum not in interface.opnums:
             return NcaStatus.OP_RNG_ERROR
@@ -61,6 +60,11 @@ class Offer:
         if self.is_of_another_boot(pdu):
             return NcaStatus.WRONG_BOOT_TIME
         return None
+
+    def is_for_another(self, pdu: RpcPdu) -> bool:
+        """Whether the call is for an object that is not registered for its interface."""
+        objects = self._objects.get(pdu.interface)
+        return objects is not None and pdu.object_uuid not in objects
 
     def is_of_another_boot(self, pdu: RpcPdu) -> bool:
         """Whether the client means the server before its restart."""

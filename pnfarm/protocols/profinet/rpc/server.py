@@ -37,6 +37,7 @@ from pnfarm.protocols.profinet.rpc.endpoints import EndpointMapper
 from pnfarm.protocols.profinet.rpc.events import (
     CallCancelled,
     CallKey,
+    CallMisdirected,
     CallReceived,
     Interface,
     LateAnswers,
@@ -240,6 +241,8 @@ class RpcServer:
     def _request(self, peer: Peer, local_port: int, pdu: RpcPdu, now: int, source_mac: bytes | None) -> None:
         refusal = self._offer.refusal(pdu)
         if refusal is not None:
+            if self._offer.is_for_another(pdu) and not (pdu.is_fragment and pdu.fragment_number):
+                self._events.append(CallMisdirected(pdu.object_uuid, pdu.opnum, peer, source_mac))
             self._reject(peer, local_port, pdu, refusal)
             return
         activity = self._activities.get((peer.ip, pdu.activity))
