@@ -24,6 +24,7 @@ from pnfarm.protocols.profinet.dcp.rules import (
     NameSet,
     SignalBegan,
     SignalEnded,
+    router_of,
 )
 from pnfarm.protocols.profinet.wire.records.fsu import FSU_DATA_ADJUST_INDEX, parse_fsu_data_adjust
 from pnfarm.station import events as happened
@@ -75,7 +76,7 @@ class StationAddress:
         self.ip = IpHost(mac)
         #: MAC address of another user of the address, or None.
         self.conflict_mac: bytes | None = None
-        self.ip.own_address(address, gateway)
+        self.ip.own_address(address, router_of(address, gateway))
         self._own(address)
 
     def link_up(self, now: int) -> None:
@@ -112,7 +113,8 @@ class StationAddress:
                 if (interface, gateway) != (self.ip.wanted, self.ip.gateway):
                     self.set_address(interface, gateway, now)
                 self._keep(now, "ip", str(interface) if interface and permanent else "")
-                self._keep(now, "gateway", str(gateway) if gateway and permanent else "")
+                # as it was set, not as it is used: tools compare it
+                self._keep(now, "gateway", str(self.dcp.gateway) if self.dcp.gateway and permanent else "")
                 self._keep(now, "dns", [str(ip) for ip in dns] if permanent and dns != NO_DNS else None)
                 self._note(now, events.AddressSet(interface, permanent))
                 self._note(now, StartUpPhase("address"))

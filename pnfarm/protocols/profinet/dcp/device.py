@@ -39,6 +39,7 @@ from pnfarm.protocols.profinet.dcp.rules import (
     Stored,
     check_ip_suite,
     response_delay_ns,
+    router_of,
 )
 from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.dcp.blocks import (
@@ -407,7 +408,7 @@ class DcpDevice:
             return BlockError.SUBOPTION_NOT_SET
         interface = None if address == _NONE else IPv4Interface((address.packed, int(mask).bit_count()))
         router = None if gateway == _NONE else gateway
-        if (interface, router) != (self.address, self.gateway):
+        if (interface, router_of(interface, router)) != (self.address, router_of(self.address, self.gateway)):
             if self.in_operation and interface is not None:
                 return BlockError.IN_OPERATION
             self._end_operation(RtaError.IP_SUITE_CHANGED)
@@ -452,8 +453,7 @@ class DcpDevice:
         before = (self.address, self.gateway, self.dns, self.ip_permanent)
         if (interface, gateway, dns, permanent) != before:
             self.address, self.gateway, self.dns, self.ip_permanent = interface, gateway, dns, permanent
-            router = None if interface is not None and gateway == interface.ip else gateway
-            self._events.append(IpSet(interface, router, permanent, dns))
+            self._events.append(IpSet(interface, router_of(interface, gateway), permanent, dns))
 
     # -- blocks and frames -------------------------------------------------------------------------------------------
 

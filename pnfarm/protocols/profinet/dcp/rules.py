@@ -36,6 +36,7 @@ __all__ = [
     "Stored",
     "check_ip_suite",
     "response_delay_ns",
+    "router_of",
 ]
 
 #: Unit of the response delay (IEC 61158-6-10, 4.3.1.3.5).
@@ -189,6 +190,11 @@ def response_delay_ns(mac: bytes, factor: int) -> int:
     if not 0 < factor <= MAXIMUM_DELAY_FACTOR:
         return 0
     return int.from_bytes(mac[4:6], "big") % factor * DELAY_STEP_NS
+
+
+def router_of(address: IPv4Interface | None, gateway: IPv4Address | None) -> IPv4Address | None:
+    """The router that a gateway means: the own address stands for none, as no gateway does."""
+    return None if address is not None and gateway == address.ip else gateway
 
 
 def check_ip_suite(address: IPv4Address, mask: IPv4Address, gateway: IPv4Address) -> str | None:

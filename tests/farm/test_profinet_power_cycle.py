@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from ipaddress import IPv4Address
+
 import pytest
+from dcp_tool import Tool, address
 from virtual_line import VirtualLine
 
 from pnfarm.protocols.profinet.wire.block import RawBlock
+from pnfarm.protocols.profinet.wire.dcp.blocks import IpParameterBlock
 from pnfarm.protocols.profinet.wire.records.pdev_port import PdevBlockType
 
 INTERFACE = 0x8000
@@ -46,3 +50,34 @@ def test_what_a_controller_expects_of_the_interface_can_be_read_however_much_it_
     line.run(0.1)
     assert job.done
     assert job.failure == ""
+
+
+def suite(line: VirtualLine, tool: Tool) -> tuple[str, str]:
+    """Address and gateway as DCP reads them."""
+    tool.dcp.get(line.farm.axes[0].port.mac, [IpParameterBlock.ID], now=line.world.now)
+    tool.send_pending(line.world.now)
+    line.run(0.02)
+    (block,) = tool.found.pop().blocks
+    return str(block.address), str(block.gateway)
+
+
+def test_the_own_address_as_gateway_is_read_back_after_a_power_cycle_as_it_was_set() -> None:
+    line = VirtualLine(controller=False)
+    tool = Tool(line)
+    assert tool.set(address("10.77.0.99")) == [0]
+    assert suite(line, tool) == ("10.77.0.99", "10.77.0.99")
+    line.farm.axes[0].station.power_cycle(line.world.now)
+    line.run(2.0)
+    assert suite(line, tool) == ("10.77.0.99", "10.77.0.99")
+
+
+@pytest.mark.parametrize("gateway", ["0.0.0.0", "10.77.0.11"])
+def test_the_address_that_a_connected_drive_has_is_accepted_in_both_ways_of_saying_no_gateway(
+    line: VirtualLine, gateway: str
+) -> None:
+    block = IpParameterBlock(IPv4Address("10.77.0.11"), IPv4Address("255.255.254.0"), IPv4Address(gateway))
+    tool = Tool(line)
+    assert tool.set(block) == [0]
+    assert suite(line, tool) == ("10.77.0.11", gateway)
+    line.run(5.0)
+    assert line.farm.axes[0].device.connected
