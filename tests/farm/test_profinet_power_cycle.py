@@ -8,6 +8,8 @@ import pytest
 from dcp_tool import Tool, address
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.device.modules import modules_view
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.protocols.profinet.wire.block import RawBlock
 from pnfarm.protocols.profinet.wire.dcp.blocks import IpParameterBlock
 from pnfarm.protocols.profinet.wire.records.pdev_port import PdevBlockType
@@ -81,3 +83,11 @@ def test_the_address_that_a_connected_drive_has_is_accepted_in_both_ways_of_sayi
     assert suite(line, tool) == ("10.77.0.11", gateway)
     line.run(5.0)
     assert line.farm.axes[0].device.connected
+
+
+def test_a_drive_that_is_off_has_no_connection_and_no_module_has_an_owner(line: VirtualLine) -> None:
+    (station,) = line.farm.axes
+    station.station.power_off(line.world.now)
+    assert drive_snapshot(line.farm, station, line.world.now)["details"]["connections"] == []
+    owners = {one["owner"] for module in modules_view(station.device) for one in module["submodules"]}
+    assert owners == {None}

@@ -298,10 +298,7 @@ class ProfinetDevice:
             self._left_at = dict(self.unheard())
         for key in list(self.ars):
             self.connections.close(key)
-        # without a word
-        self.cm.abort_all(RtaError.DEVICE_DEACTIVATED, now)
-        self.cm.events()
-        self.cm.rta_to_send()
+        self.cm.supply_gone()
         if self.dcp.signalling:
             self.note(now, happened.SignalEnded())
 

@@ -287,6 +287,11 @@ class CmDevice:
         for ar in self.ars:
             self.abort(ar.key, reason, now)
 
+    def supply_gone(self) -> None:
+        """No AR is left, and nobody is told."""
+        self._ars.clear()
+        self._deadlines.clear()
+
     def pull(self, slot: int, subslot: int | None, now: int) -> None:
         """Pull a module, or one submodule of it, from a slot."""
         before = self._modules.before(self.ars, slot)
