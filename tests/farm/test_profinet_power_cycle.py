@@ -11,7 +11,7 @@ from virtual_line import VirtualLine
 from pnfarm.buses.profinet.device.modules import modules_view
 from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.protocols.profinet.wire.block import RawBlock
-from pnfarm.protocols.profinet.wire.dcp.blocks import IpParameterBlock
+from pnfarm.protocols.profinet.wire.dcp.blocks import IpParameterBlock, ResetMode, ResetToFactoryBlock
 from pnfarm.protocols.profinet.wire.records.pdev_port import PdevBlockType
 
 INTERFACE = 0x8000
@@ -91,3 +91,12 @@ def test_a_drive_that_is_off_has_no_connection_and_no_module_has_an_owner(line: 
     assert drive_snapshot(line.farm, station, line.world.now)["details"]["connections"] == []
     owners = {one["owner"] for module in modules_view(station.device) for one in module["submodules"]}
     assert owners == {None}
+
+
+def test_the_counters_of_a_drive_that_a_reset_restarts_begin_behind_the_answer_to_it() -> None:
+    line = VirtualLine(controller=False)
+    (station,) = line.farm.axes
+    line.run(6.0)
+    assert Tool(line).set(ResetToFactoryBlock(ResetMode.DEVICE << 1)) == [0]
+    counted = station.device.traffic.counters(station.device.discards())
+    assert (counted.out_unicast, counted.out_multicast) == (0, station.device.neighbours.lldp.sent)

@@ -95,13 +95,13 @@ class DevicePump:
             emit_ethernet(EthernetFrame(f.destination, device.port.mac, ETHERTYPE_PROFINET, f.payload, f.tag))
             for f in device.cm.rta_to_send()
         ]
+        for frame in frames:
+            device.traffic.frame_sent(frame)
         if self._reboot_due:
-            # the response to the reset is among the frames; those of the new machines follow at once
+            # the response to the reset is among the frames; those of the new machines, which count them, follow at once
             self._reboot_due = False
             device.station.power_cycle(now)
             frames += device.station.pump(now)
-        for frame in frames:
-            device.traffic.frame_sent(frame)
         return frames
 
     def _dcp(self, now: int) -> bool:
