@@ -138,9 +138,16 @@ class DriveKind:
     def join(self, dcp: DcpDevice, mac: bytes, cm: CmDevice) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._cm = cm
+        cm.moved = self._moved
         for part in self._parts:
             part.axis.store.network = StationNetwork(dcp, mac, self.model.limits.ports)
-            part.diagnosis = FaultDiagnosis(part.axis.store, cm.diagnosis, part.shift)
+            part.diagnosis = FaultDiagnosis(
+                part.axis.store, cm.diagnosis, part.shift, lambda place: cm.plugged.submodule(*place) is not None
+            )
+
+    def _moved(self) -> None:
+        for part in self._parts:
+            part.diagnosis.report()
 
     def next_deadline(self) -> int | None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""

@@ -16,7 +16,10 @@ from pnfarm.protocols.profinet.wire.records.diagnosis import Direction, Usi
 from pnfarm.table.axis_codes import FAULT_SLOTS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pnfarm.drives.parameters.store import ParameterStore
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey
     from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 
 __all__ = ["FaultDiagnosis", "fault_entry"]
@@ -54,14 +57,24 @@ def fault_entry(store: ParameterStore, number: int, shift: int = 0) -> Diagnosis
 
 
 class FaultDiagnosis:
-    """Diagnosis entries of one axis's faults; its slots are ``shift`` behind the model's."""
+    """Diagnosis entries of one axis's faults; its slots are ``shift`` behind the model's.
 
-    __slots__ = ("_count", "_diagnosis", "_entries", "_shift", "_store")
+    ``there`` says whether a submodule is plugged: one that is pulled reports nothing.
+    """
 
-    def __init__(self, store: ParameterStore, diagnosis: DiagnosisStore, shift: int = 0) -> None:
+    __slots__ = ("_count", "_diagnosis", "_entries", "_shift", "_store", "_there")
+
+    def __init__(
+        self,
+        store: ParameterStore,
+        diagnosis: DiagnosisStore,
+        shift: int = 0,
+        there: Callable[[ExpectedKey], bool] = lambda _: True,
+    ) -> None:
         self._store = store
         self._diagnosis = diagnosis
         self._shift = shift
+        self._there = there
         self._entries: dict[int, DiagnosisEntry] = {}
         #: Faults of the active fault situation.
         self._count = 0
@@ -72,8 +85,15 @@ class FaultDiagnosis:
         if self._count > (int(self._store.handle.axis.faults.settings.places) or FAULT_SLOTS):
             return
         entry = fault_entry(self._store, number, self._shift)
-        if entry is not None and number not in self._entries and self._diagnosis.add(entry):
-            self._entries[number] = entry
+        if entry is not None:
+            self._entries.setdefault(number, entry)
+            self.report()
+
+    def report(self) -> None:
+        """A fault was raised, or a submodule, whose diagnosis went with it, is there again."""
+        for entry in self._entries.values():
+            if self._there(entry.place):
+                self._diagnosis.add(entry)
 
     def cleared(self) -> None:
         """All faults were acknowledged."""

@@ -93,7 +93,8 @@ class CmDevice:
 
     ``station_name`` may change while the machine lives.  ``refuse_connect``, when set, is called for every
     acceptable Connect and returns a PNIOStatus to refuse it with, or None; ``has_room`` returns whether its CRs
-    can be opened.  Changes of ``diagnosis`` are reported by alarms and in the ModuleDiffBlock.
+    can be opened; ``moved`` is called when something was pulled or plugged, before a controller is told.  Changes of
+    ``diagnosis`` are reported by alarms and in the ModuleDiffBlock.
     """
 
     def __init__(
@@ -111,6 +112,7 @@ class CmDevice:
         self.station_name = station_name
         self.refuse_connect: Callable[[ArBlockReq], PnioStatus | None] | None = None
         self.has_room: Callable[[], bool] = lambda: True
+        self.moved: Callable[[], None] = lambda: None
         self._dropped: Counter[str] = Counter()
         self._mac = mac
         self._records = records
@@ -549,6 +551,7 @@ class CmDevice:
         # a slot that is no longer held gets what its oldest controller expects
         module, idents = expected_idents(e for ar in self.ars for e in ar.expected).get(slot, (0, {}))
         self.plugged.follow(slot, module, idents)
+        self.moved()
         for ar in self.ars:
             if self._modules.moved(ar, slot, before, now, whole=whole):
                 self._changed(ar)
