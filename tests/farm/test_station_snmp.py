@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from ipaddress import IPv4Address
 
 import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.drives.parameters.memory import VolatileMemory
+from pnfarm.protocols.profinet.lldp.agent import LldpPort, LocalPort, LocalSystem
 from pnfarm.protocols.profinet.wire.dcp.blocks import UnknownBlock
 from pnfarm.protocols.profinet.wire.dcp.pdu import SERVICE_SET, TYPE_REQUEST, DcpPdu, emit_dcp, frame_id_of
 from pnfarm.protocols.profinet.wire.lldp.pdu import parse_lldp
@@ -231,6 +233,39 @@ def test_a_manager_reads_the_neighbour_on_the_drives_port():
         assert row.name[: len(remote) + 1] == (*remote, column)
         found[column] = row.value.content
     assert (found[5], found[7], found[9]) == (b"plc", b"port-001", b"plc")
+
+
+def test_lldps_statistics_count_neighbours_that_come_change_and_go():
+    line = VirtualLine(1)
+    line.run(6.0)
+    tool = Tool(line)
+    statistics, port = (1, 0, 8802, 1, 1, 2, 1, 2), tool.station.device.neighbours.lldp.port.number
+    last, inserts, deletes, drops, ageouts = ((*statistics, arc, 0) for arc in range(1, 6))
+    frames, aged = ((*statistics, 7, 1, column, port) for column in (4, 7))
+
+    def rows():
+        row = (1, 0, 8802, 1, 1, 2, 1, 4, 1, 1, 9)
+        found = tool.ask(GET_NEXT, VarBind(row)).varbinds[0].name
+        return [found[len(row)]] if found[: len(row)] == row else []
+
+    came, *counts = tool.get(last, inserts, deletes, drops, ageouts)
+    assert (counts, rows()) == ([1, 0, 0, 0], [came])
+    lldp = line.plc.lldp
+    lldp.update(replace(lldp.system, description="another"), line.world.now)
+    line.run(6.0)
+    changed, *counts = tool.get(last, inserts, deletes, drops, ageouts)
+    assert (counts, rows()) == ([1, 0, 0, 0], [changed])
+    assert changed > came
+    for number in range(10):
+        own = bytes([2, 0, 0, 0, 9, number])
+        other = LldpPort(LocalSystem(own, f"other-{number}"), LocalPort(1, own))
+        for frame in other.to_send(line.world.now):
+            tool.frame(frame)
+    heard = tool.station.device.neighbours.lldp
+    assert tool.get(inserts, deletes, drops, frames) == [8, 0, 3, heard.received]
+    lldp.send_frames(False, line.world.now)
+    line.run(30.0)
+    assert tool.get(deletes, ageouts, aged) == [8, 8, 8]
 
 
 def test_dropped_messages_are_among_the_stations_discards(line):

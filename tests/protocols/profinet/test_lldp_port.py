@@ -213,7 +213,7 @@ def test_a_neighbour_that_repeats_itself_is_only_seen_again():
         heard(drive, frame, now)
         drive.handle_timeout(now)
     assert [type(event) for event in drive.events()] == [NeighbourAppeared]
-    assert drive.neighbours[0].first_ns == T0
+    assert drive.neighbours[0].changed_ns == T0
     assert drive.neighbours[0].seen_ns == T0 + 60 * SECOND
 
 

@@ -137,7 +137,10 @@ class LocalSystem:
 
 @dataclass(slots=True)
 class Neighbour:
-    """A neighbour of a port.  Only the agent changes it (``seen_ns``, ``expires_ns``)."""
+    """A neighbour of a port.  Only the agent changes it (``seen_ns``, ``expires_ns``).
+
+    ``changed_ns``: when it was heard first, or last said something else.
+    """
 
     port: str
     mac: bytes
@@ -145,7 +148,7 @@ class Neighbour:
     port_id: PortId
     time_to_live: int
     tlvs: tuple[Tlv, ...]
-    first_ns: int
+    changed_ns: int
     seen_ns: int
     expires_ns: int
     payload: bytes = field(default=b"", repr=False, compare=False)
@@ -413,7 +416,7 @@ class LldpPort:
             port_id=pdu.port,
             time_to_live=pdu.time_to_live,
             tlvs=pdu.tlvs,
-            first_ns=now if known is None else known.first_ns,
+            changed_ns=now,
             seen_ns=now,
             expires_ns=expires,
             payload=payload,

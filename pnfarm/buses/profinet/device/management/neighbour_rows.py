@@ -47,7 +47,7 @@ def _view(neighbour: Neighbour, port: int, index: int, booted_ns: int) -> Neighb
     capabilities = neighbour.capabilities
     mac_phy = next((t for t in neighbour.tlvs if isinstance(t, MacPhyStatus)), None)
     return NeighbourView(
-        time_mark_ns=max(0, neighbour.first_ns - booted_ns),
+        time_mark_ns=max(0, neighbour.changed_ns - booted_ns),
         port=port,
         index=index,
         chassis_id=neighbour.chassis.value,

@@ -76,6 +76,9 @@ class StationNeighbours:
         self.enabled = enabled
         self.pdev = PhysicalDevice(description.dap.submodules, lambda: self._facts, self._port, self._neighbours_at)
         self._checked: list[CheckFailed | CheckPassed] = []
+        #: Neighbours that came, that went, and those among them that aged out; when the last of all changes was.
+        self.came = self.went = self.aged_out = 0
+        self.changed_ns = 0
 
     # -- calls of the physical device --------------------------------------------------------------------------------
 
@@ -142,6 +145,11 @@ class StationNeighbours:
             self.lldp.update(replace(self.lldp.system, name_mode=mode), now)
         self.lldp.send_frames(_FIRST_PORT not in self.pdev.mute_ports, now)
         happened = self.lldp.events()
+        for event in happened:
+            self.came += isinstance(event, NeighbourAppeared)
+            self.went += isinstance(event, NeighbourGone)
+            self.aged_out += isinstance(event, NeighbourGone) and event.reason == "aged-out"
+            self.changed_ns = now
         if happened or self._link_changed:
             self._link_changed = False
             self.pdev.evaluate(now)

@@ -19,6 +19,7 @@ from pnfarm.protocols.profinet.snmp.view import (
     InterfaceView,
     LldpPortStatistics,
     LldpPortView,
+    LldpStatistics,
     LldpView,
     PnoPort,
     SnmpView,
@@ -111,6 +112,13 @@ def snmp_view(station: DeviceParts, now: int) -> SnmpView:
         ),
         addresses=(management_view(own.management),),
         neighbours=tuple(heard),
+        statistics=LldpStatistics(
+            last_change_ns=max(0, agent.changed_ns - station.booted_ns),
+            inserts=agent.came,
+            deletes=agent.went,
+            drops=agent.lldp.dropped["too-many-neighbours"],
+            ageouts=agent.aged_out,
+        ),
     )
     return SnmpView(system, lldp, tuple(interfaces))
 
@@ -119,7 +127,9 @@ def _lldp_statistics(agent: StationNeighbours) -> LldpPortStatistics:
     dropped = agent.lldp.dropped
     return LldpPortStatistics(
         tx_frames=agent.lldp.sent,
-        rx_frames=agent.lldp.received + sum(dropped.values()),
+        # one that finds no room is received and dropped
+        rx_frames=agent.lldp.received + sum(dropped.values()) - dropped["too-many-neighbours"],
         rx_frames_discarded=sum(dropped.values()),
         rx_frames_errors=sum(dropped.values()) - dropped["too-many-neighbours"] - dropped["own-frame"],
+        rx_ageouts=agent.aged_out,
     )
