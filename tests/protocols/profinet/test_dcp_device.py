@@ -291,6 +291,17 @@ def test_a_request_beyond_the_queue_is_answered_at_once_and_replaces_no_other():
     assert later == {*range(PENDING_LIMIT), 333} - {3}
 
 
+def test_an_answer_that_waited_says_what_the_device_is_called_when_it_leaves():
+    machine = device()
+    ask(machine, asker(1), 1)
+    by_name = request(SERVICE_IDENTIFY, NameBlock("axis-01"), factor=6400)
+    machine.receive(frame(by_name, IDENTIFY_MULTICAST, asker(2)), 0)
+    assert setting(machine, NameBlock("press-7", 1)) == [BlockError.OK]
+    (answer,) = answers(machine, 64_000 * MS)
+    assert answer.blocks[0] == NameBlock("press-7")
+    assert machine.dropped["filter"] == 1
+
+
 def test_one_parsed_request_serves_a_whole_farm():
     pdu = request(SERVICE_IDENTIFY, NameBlock("axis-07"))
     farm = [DcpDevice(bytes([2, 0, 0, 0, 0, n]), IDENTITY, name=f"axis-{n:02}") for n in range(20)]

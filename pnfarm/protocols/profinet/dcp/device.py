@@ -174,7 +174,7 @@ class DcpDevice:
         #: Identify requests that were answered so far, and those of them that asked for this station by its name.
         self.identified = 0
         self.sought = 0
-        self._pending: dict[bytes, tuple[int, bytes]] = {}  # asking station: due time, frame
+        self._pending: dict[bytes, tuple[int, DcpPdu]] = {}  # asking station: when its answer is due, its request
         #: The last answer to Identify, and what it was made of.
         self._last_answer: tuple[tuple[object, ...] | None, bytes] = (None, b"")
         self._signal_end: int | None = None
@@ -262,7 +262,12 @@ class DcpDevice:
         if self._pending:
             ready = sorted((due, asker) for asker, (due, _) in self._pending.items() if due <= now)
             for _, asker in ready:
-                self._outbox.append(self._pending.pop(asker)[1])
+                request = self._pending.pop(asker)[1]
+                # name or address may be others since the request came
+                if identify_matches(request, self):
+                    self._outbox.append(self._identified(asker, request))
+                else:
+                    self.dropped["filter"] += 1
         if self._hello is not None and self._hello[0] <= now:
             left = self._hello[1] - 1
             self._hello = (now + self.hello_settings.interval_ns, left) if left else None
@@ -297,19 +302,18 @@ class DcpDevice:
             return
         self.identified += 1
         self.sought += any(isinstance(block, NameBlock) for block in pdu.blocks)
-        alias = next((block for block in pdu.blocks if isinstance(block, AliasBlock)), None)
-        answer = self._identified(source_mac, pdu, alias)
         delay_ns = response_delay_ns(self.mac, pdu.response_delay_factor)
         waits = source_mac in self._pending
         if not delay_ns or (not waits and len(self._pending) >= PENDING_LIMIT):
-            self._outbox.append(answer)
+            self._outbox.append(self._identified(source_mac, pdu))
             return
         if waits:
             self.dropped["superseded"] += 1
-        self._pending[source_mac] = (now + delay_ns, answer)
+        self._pending[source_mac] = (now + delay_ns, pdu)
 
-    def _identified(self, asker: bytes, request: DcpPdu, alias: AliasBlock | None) -> bytes:
+    def _identified(self, asker: bytes, request: DcpPdu) -> bytes:
         """The answer to an Identify request; a whole network is asked at once, and mostly nothing has changed."""
+        alias = next((block for block in request.blocks if isinstance(block, AliasBlock)), None)
         state = (
             self.mac, self.identity, self.name, self._ip_values(), self._ip_info(), self.hello_settings.mode,
             None if alias is None else alias.alias,
