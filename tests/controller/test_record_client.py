@@ -114,7 +114,7 @@ def test_a_device_that_falls_silent_is_given_up() -> None:
     station = line.farm.axes[0]
     original = station.device.rpc.receive
     station.device.rpc.receive = lambda *_args: None
-    with pytest.raises(RemoteError):
+    with pytest.raises(RemoteError, match=r"^connect: no answer$"):
         run(line, RecordTask("axis-01", IM0), 60.0).check()
     station.device.rpc.receive = original
 

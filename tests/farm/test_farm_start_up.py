@@ -69,3 +69,15 @@ def test_application_ready_of_a_connection_that_ended_is_not_repeated():
     station.device.cm.abort(ar.key, 31, line.world.now)
     station.station.pump(line.world.now)
     assert station.device.client.open_calls == 0
+
+
+def test_a_controller_that_leaves_application_ready_unanswered_is_named_so_in_the_log():
+    line = VirtualLine()
+    line.plc.rpc.receive = lambda *_: None
+    lost = []
+    assert line.world.run(10.0, until=lambda: lost.extend(aborts(line)) or lost)
+    assert lost[0] == "ApplicationReady: no answer"
+
+
+def aborts(line):
+    return [entry.data["reason"] for entry in line.log.entries("axis-01") if entry.event == "ar aborted"]

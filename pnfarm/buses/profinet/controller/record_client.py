@@ -288,7 +288,7 @@ class RecordClient:
             if isinstance(answer, CallReturned):
                 self._machine.call_returned(key, answer.status, answer.payload, now)
             elif isinstance(answer, CallFailed):
-                self._machine.call_failed(key, answer.reason, now)
+                self._machine.call_failed(key, answer.text, now)
         return bool(events or answers)
 
     def _pump_machine(self, now: int) -> bool:

@@ -195,7 +195,7 @@ class DevicePump:
             if isinstance(answer, CallReturned):
                 device.cm.call_returned(token, answer.status, answer.payload, now)
             elif isinstance(answer, CallFailed):
-                device.cm.call_failed(token, answer.reason, now)
+                device.cm.call_failed(token, answer.text, now)
         return bool(requests or answers)
 
     def _context_management(self, now: int) -> bool:
