@@ -9,8 +9,7 @@ from cm_support import DRIVE, DRIVE_API, UUID_2, Bench
 from record_support import DATA_PLACE, SEVERAL_CARRIERS, WITH_IM, connect_tool, read, read_blocks, write
 
 from pnfarm.protocols.profinet.description import ImCarrier
-from pnfarm.protocols.profinet.records.im import ImCleared, ImWritten
-from pnfarm.protocols.profinet.wire.dcp.blocks import ResetMode
+from pnfarm.protocols.profinet.records.im import ImWritten
 from pnfarm.protocols.profinet.wire.records.identification import ImText
 from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
 
@@ -53,16 +52,6 @@ def test_texts_survive_the_machine_that_took_them():
     bench = Bench(WITH_IM, texts=texts)
     assert read_blocks(bench, 0xAFF2, uuid=NIL_UUID) == (ImText(0x22, b"short".ljust(16)),)
     assert len(read(bench, 0xAFF3, uuid=NIL_UUID)) == 60
-
-
-@pytest.mark.parametrize("mode", ResetMode)
-def test_a_reset_to_factory_blanks_them_unless_it_is_about_communication(bench, mode):
-    write(bench, 0xAFF1, TAG.emit())
-    bench.records.im.events()
-    bench.records.im.reset(mode)
-    kept = mode is ResetMode.COMMUNICATION
-    assert read_blocks(bench, 0xAFF1) == ((TAG if kept else ImText(0x21, b" " * 54)),)
-    assert bench.records.im.events() == ([] if kept else [ImCleared()])
 
 
 def test_texts_are_visible_characters_padded_with_blanks(bench):

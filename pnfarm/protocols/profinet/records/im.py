@@ -15,7 +15,6 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.records.directory import Index
 from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.dcp.blocks import ResetMode
 from pnfarm.protocols.profinet.wire.records.identification import (
     IM_TEXT_SIZES,
     IdentificationApi,
@@ -30,15 +29,13 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.description import DeviceDescription, Im0Description, ImCarrier, Plugged
 
-__all__ = ["ImCleared", "ImRecords", "ImWritten", "TextKey", "im0_of"]
+__all__ = ["ImRecords", "ImWritten", "TextKey", "im0_of"]
 
 #: (slot, subslot, index) of a carrier's I&M1 to I&M4.
 TextKey = tuple[int, int, int]
 
 _FILTER_VERSION = 0x0100
 _VISIBLE = range(0x20, 0x7F)
-#: I&M texts are data of the application, so communication parameters may be reset without them.
-_RESETS = frozenset(ResetMode) - {ResetMode.COMMUNICATION}
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +46,6 @@ class ImWritten:
     subslot: int
     index: int
     data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class ImCleared:
-    """Every text is blank again."""
 
 
 def im0_of(description: DeviceDescription, im0: Im0Description | None = None) -> Im0:
@@ -81,11 +73,11 @@ class ImRecords:
         self.texts: MutableMapping[TextKey, bytes] = {} if texts is None else texts
         self._description = description
         self._plugged = plugged
-        self._events: list[ImWritten | ImCleared] = []
+        self._events: list[ImWritten] = []
         #: Whether what is written can be kept.
         self.can_keep: Callable[[], bool] = lambda: True
 
-    def events(self) -> list[ImWritten | ImCleared]:
+    def events(self) -> list[ImWritten]:
         drained, self._events = self._events, []
         return drained
 
@@ -130,12 +122,6 @@ class ImRecords:
         self.texts[slot, subslot, index] = text
         self._events.append(ImWritten(slot, subslot, index, text))
         return None
-
-    def reset(self, mode: int) -> None:
-        """Reset to factory settings: every mode but that of communication parameters blanks the texts."""
-        if mode in _RESETS:
-            self.texts.clear()
-            self._events.append(ImCleared())
 
     def filter_data(self) -> bytes:
         """I&M0FilterData: all carriers, those that represent their module, those that represent the device."""
