@@ -170,6 +170,28 @@ def test_6_2_2_5_a_jog_in_position_mode_blends_into_a_move_without_a_stop() -> N
     assert drive.first & (IN_MOTION | ENABLE) == ENABLE
 
 
+def test_6_2_2_5_a_relative_move_that_a_jog_in_position_mode_blends_into_counts_from_the_axis() -> None:
+    drive = bench()
+    drive.load(ENABLE | FORWARDS, JOG, 300, **FAST)
+    drive.send(command(ENABLE | RELATIVE, MOVE))
+    place = turns(drive)
+    drive.send(command(ENABLE | RELATIVE | LOAD, MOVE, position=5 * REVOLUTION, **FAST), 2000)
+    assert turns(drive) == pytest.approx(place + 5.0, abs=0.05)
+
+
+def test_6_2_2_4_a_relative_move_beyond_a_software_limit_is_refused_by_where_it_counts_from() -> None:
+    """With the reading ``here`` of ``relative-task`` it counts from the axis, not from the running move's target."""
+    drive = AssemblyBench(POSITION, behaviour={"relative-task": "here"})
+    drive.enable()
+    drive.store.set("SWLS.LIMIT1", 12 * 2**32)
+    drive.store.set("SWLS.EN", 2)
+    drive.load(ENABLE, MOVE, 100, position=10 * REVOLUTION, **FAST)
+    drive.load(ENABLE | RELATIVE, MOVE, position=5 * REVOLUTION, **FAST)
+    assert drive.error == (0, 0)
+    drive.run(2000)
+    assert turns(drive) < 7.0
+
+
 def test_6_2_2_an_axis_that_is_not_homed_gets_a_fault_that_must_be_cleared() -> None:
     drive = bench(homed=False)
     drive.load(ENABLE, MOVE, 20, position=REVOLUTION, **FAST)

@@ -6,7 +6,7 @@ import pytest
 from msd_bench import RUN, TASKS, MsdBench
 
 JOG_1 = 0x0100
-START, ENDLESS = 0x0040, 0x4000
+START, RELATIVE, ENDLESS = 0x0040, 0x1000, 0x4000
 QUICK_STOP = 0x0004
 
 
@@ -73,3 +73,13 @@ def test_table_10_8_bit_10_goes_when_the_shaft_is_turned_out_of_the_target() -> 
     bench.send(200, STW1=0x043D | START)
     assert abs(bench.place - 1.0) > 1.0
     assert not bench.zsw1 & 0x0400
+
+
+def test_table_10_4_a_relative_task_behind_the_speed_mode_of_bit_14_counts_from_the_axis() -> None:
+    """The speed mode leads to no target, whatever P-1275 was when it began."""
+    bench = MsdBench(9, P_1278=1000, P_1279=1000)
+    bench.enable(TASKS)
+    bench.send(500, STW1=TASKS | ENDLESS | START, TARPOS_A=3 * 65536, VELOCITY_A=600)
+    place = bench.place
+    bench.send(2000, STW1=TASKS | RELATIVE)
+    assert bench.place == pytest.approx(place + 3.0, abs=0.05)

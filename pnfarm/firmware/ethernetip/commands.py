@@ -32,7 +32,7 @@ from pnfarm.firmware.ethernetip.octets import received, received_long, received_
 from pnfarm.firmware.ethernetip.tasks import TASK_ATTRIBUTE, TASK_MOVE, TASK_PARAMETER, idle, post
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.motion.motion_tasks import select_task
-from pnfarm.firmware.motion.positioning import BRAKING, HOMING, OUT, TASK
+from pnfarm.firmware.motion.positioning import BRAKING, HOMING, OUT, asked_target
 from pnfarm.firmware.motion.travel import at_limit_switch, within_limits
 from pnfarm.table.axis_codes import JOG_NONE, TASK_MDI
 from pnfarm.table.compiling.compiled import compiled, inlined
@@ -105,17 +105,16 @@ def _move(axis: Any, now: int, units: int, relative: bool, velocity: float, up: 
         return OUT_OF_RANGE
     if not _homed(axis, now):
         return 0
-    position = units * axis.travel.settings.position_step
-    target = axis.homing.origin + position
-    if relative:
-        target = position + (axis.profile.target if axis.positioning.state == TASK else axis.profile.position)
-    if not within_limits(axis.travel, axis.homing, target):
-        return OUT_OF_RANGE
-    if at_limit_switch(axis.machine, target - axis.profile.position):
-        return NOT_READY
     _ask(axis, velocity, up, down)
-    axis.asked.position = position
+    axis.asked.position = units * axis.travel.settings.position_step
     axis.asked.relative = 1 if relative else 0
+    target = asked_target(axis)
+    error = 0 if within_limits(axis.travel, axis.homing, target) else OUT_OF_RANGE
+    if error == 0 and at_limit_switch(axis.machine, target - axis.profile.position):
+        error = NOT_READY
+    if error != 0:
+        axis.asked.begins = 0
+        return error
     axis.ethernetip.target_units = units
     axis.ethernetip.move = 1
     return 0

@@ -75,6 +75,7 @@ __all__ = [
     "STANDBY",
     "TASK",
     "TRANSITIONS",
+    "asked_target",
     "positioning_command",
     "take_motion",
 ]
@@ -189,17 +190,17 @@ def _can_start(axis: Any) -> bool:
         return False
     if axis.asked.endless:
         return axis.asked.velocity == 0.0 or not at_limit_switch(axis.machine, -1.0 if axis.asked.backwards else 1.0)
-    target = _asked_target(axis)
+    target = asked_target(axis)
     return within_limits(axis.travel, axis.homing, target) and not at_limit_switch(
         axis.machine, target - axis.profile.position
     )
 
 
 @inlined
-def _asked_target(axis: Any) -> float:
-    """Target of the requested task on the shaft; a relative one counts from the last target.
+def asked_target(axis: Any) -> float:
+    """Target of the requested task on the shaft; a relative one counts from where the running one leads to.
 
-    A motion task stored in the drive may define another base.
+    A motion task stored in the drive may define another base.  One without a target leads nowhere: from where it is.
     """
     if axis.asked.relative:
         if axis.asked.counts_from == TASK_FROM_COMMAND:
@@ -208,8 +209,8 @@ def _asked_target(axis: Any) -> float:
             return axis.profile.target + axis.asked.position
         if axis.asked.counts_from == TASK_FROM_ACTUAL:
             return axis.motor.position + axis.asked.position
-        has_task = axis.positioning.state in (TASK, INTERMEDIATE_STOP)
-        return (axis.profile.target if has_task else axis.profile.position) + axis.asked.position
+        leads = axis.positioning.state in (TASK, INTERMEDIATE_STOP) and not axis.positioning.endless
+        return (axis.profile.target if leads else axis.profile.position) + axis.asked.position
     return axis.homing.origin + _rounds(axis.motor, axis.travel, axis.positioning, axis.homing) + axis.asked.position
 
 
@@ -232,7 +233,8 @@ def _fastest_there(motor: Any, travel: Any, positioning: Any, profile: Any, velo
 
 @inlined
 def _start_task(axis: Any) -> None:
-    axis.profile.target = _asked_target(axis)
+    if not axis.asked.endless:
+        axis.profile.target = asked_target(axis)
     axis.asked.renewed = 0
     axis.positioning.task = axis.asked.number
     axis.positioning.over_ns = 0
