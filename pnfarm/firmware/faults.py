@@ -244,6 +244,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.ramp.generator_left = 0
     _count_from_here(axis.motor, axis.homing, axis.sensor)
     axis.positioning.target_reached = 0
+    axis.positioning.task = 0
     axis.commands.task = 0
     axis.asked.renewed = 0
     axis.commands.home = 0

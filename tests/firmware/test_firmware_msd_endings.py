@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from msd_bench import RUN, TASKS, MsdBench
 
+from pnfarm.table.axis_codes import CMD_POWER_ON
+
 JOG_1 = 0x0100
 START, RELATIVE, ENDLESS = 0x0040, 0x1000, 0x4000
 QUICK_STOP = 0x0004
@@ -83,3 +85,14 @@ def test_table_10_4_a_relative_task_behind_the_speed_mode_of_bit_14_counts_from_
     place = bench.place
     bench.send(2000, STW1=TASKS | RELATIVE)
     assert bench.place == pytest.approx(place + 3.0, abs=0.05)
+
+
+def test_table_8_6_the_actual_driving_set_is_none_behind_a_power_cycle() -> None:
+    bench = MsdBench(7, P_1277=600, P_1278=1000, P_1279=1000)
+    bench.enable(TASKS)
+    bench.send(1, STW1=TASKS, SATZANW=5)
+    bench.send(1000, STW1=TASKS | START)
+    assert bench.see("AKTSATZ") == 5
+    bench.store.handle.push_command(CMD_POWER_ON)
+    bench.send(200, STW1=0x0400)
+    assert bench.see("AKTSATZ") == 0
