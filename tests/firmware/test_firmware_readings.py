@@ -67,6 +67,18 @@ def test_a_lost_connection_holds_nothing_whatever_the_reading_of_stop(reading):
     assert bench.axis.drive.state == 1
 
 
+@pytest.mark.parametrize("reading", [readings.WITHOUT_RUN_OFF, readings.WITHOUT_RUN_HOLD])
+def test_a_connection_that_is_lost_behind_a_stop_stops_the_axis_as_its_fault_says(reading):
+    bench = running(profidrive__without_run=reading)
+    bench.lose(LOST_STOP)
+    bench.run(20)
+    bench.lose(LOST_EXPIRED)
+    assert bench.zsw1 & FAULT
+    assert bench.axis.drive.state == 5, "not coasting: the fault has a controlled stop"
+    bench.run(500)
+    assert bench.axis.drive.state == 1
+
+
 def test_a_drive_in_its_ramp_stop_takes_its_controller_up_again():
     bench = running(profidrive__without_run=readings.WITHOUT_RUN_OFF)
     bench.lose(LOST_STOP)

@@ -62,10 +62,11 @@ def _setpoints(profidrive: Any, image: Any, word: int) -> int:
 def _take_word(axis: Any, image: Any, now: int) -> None:
     """Accept STW1, or hold the one accepted last, as the drive's open points are set."""
     valid = image.valid
-    if axis.profidrive.image_valid and not valid:
+    # a word may be in force still, too, of a controller that went to STOP before
+    if not valid and (axis.profidrive.image_valid or axis.profidrive.stw1 != 0):
         if image.lost == LOST_EXPIRED and axis.faults.settings.loss_delay_ns == 0:
             raise_fault(axis.faults, axis.faults.settings.loss_fault, now)
-        elif image.lost == LOST_STOP:
+        elif image.lost == LOST_STOP and axis.profidrive.image_valid:
             raise_fault(axis.faults, axis.faults.settings.stop_fault, now)
     if (
         image.frames != axis.profidrive.telegram_frames
