@@ -75,23 +75,28 @@ class MotionTasks:
     A drive without such parameters (``numbers`` None) has only the tasks that it was :meth:`given <give>`.
     """
 
-    __slots__ = ("_fields", "_given", "_numbers", "_values")
+    __slots__ = ("_fields", "_given", "_new", "_numbers", "_values")
 
     def __init__(self, numbers: MotionTaskParameters | None, values: StoredValues, fields: AxisFields) -> None:
         self._numbers = numbers
         self._values = values
         self._fields = fields
         self._given: dict[int, MotionTask] = {}
+        #: Given and not yet in the drive: their raw numbers depend on units that come into force with it.
+        self._new: dict[int, MotionTask] = {}
 
     def give(self, tasks: Iterable[MotionTask]) -> None:
-        """Tasks of a commissioning tool: in the drive from the next power-on on."""
+        """Tasks of a commissioning tool: saved in the drive from the next power-on on."""
         self._given = {task.number: task for task in tasks}
+        self._new = self._given
 
     def power_on(self) -> None:
-        """Add the given tasks."""
+        """Add the given tasks, once: behind that, what the drive saved in their place holds."""
         if self._numbers is not None:
-            for number, task in self._given.items():
+            for number, task in self._new.items():
                 self._values.tasks[number] = self._raw(task, self._numbers)
+                self._values.permanent_tasks[number] = dict(self._values.tasks[number])
+        self._new = {}
 
     def _raw(self, task: MotionTask, numbers: MotionTaskParameters) -> dict[int, int]:
         """The task in the drive's raw numbers, rounded."""

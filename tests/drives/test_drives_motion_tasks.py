@@ -245,6 +245,22 @@ def test_tasks_of_a_commissioning_tool_are_there_at_power_on_and_can_be_loaded_a
     assert list(axis.motion_tasks.settings.kind.nonzero()[0]) == [7, 8]
 
 
+def test_a_task_that_was_saved_in_place_of_a_commissioning_tools_outlives_a_power_cycle():
+    drive = ParameterStore(AKD, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
+    drive.commission_tasks([MotionTask(number, 2.0, 600.0, 30_000.0, 20_000.0) for number in (7, 8)])
+    drive.power_on()
+    drive.set("MT.NUM", 7)
+    drive.set("MT.LOAD", 1)
+    drive.set("MT.P", 3 * REVOLUTION)
+    drive.set("MT.SET", 1)
+    drive.set("MT.CLEAR", 8)
+    drive.set("DRV.NVSAVE", 1)
+    drive.power_on()
+    tasks = drive.handle.axis.motion_tasks.settings
+    assert list(tasks.kind.nonzero()[0]) == [7]
+    assert tasks.position[7] == pytest.approx(3.0, abs=1e-4)
+
+
 def test_a_task_of_a_commissioning_tool_goes_further_than_the_32_bits_of_mt_p_show():
     drive = ParameterStore(AKD, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
     drive.commission_tasks([MotionTask(1, 40_000.0, 99_999.0, 30_000.0, 30_000.0)])
