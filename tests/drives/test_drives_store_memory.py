@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 import pytest
 from drives_kit import Drive, new_drive, refused
 
+from pnfarm.drives.catalogue import model
 from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.drives.parameters.parameter import ParameterErrorNumber
 from pnfarm.drives.parameters.store import (
     NonVolatileSaved,
+    ParameterStore,
     TelegramChanged,
 )
 
@@ -113,3 +115,16 @@ def test_factory_values_report_a_change_of_the_telegram(akd: Drive) -> None:
 
 
 # commands
+
+
+@pytest.mark.parametrize("name", ["Pt317", "Pt316"])
+def test_hiwin_a_change_that_cannot_be_saved_is_refused_and_changes_nothing(name: str) -> None:
+    """Its parameters are saved as they are written; Pt316 counts from the next power-on."""
+    handle = new_drive("hiwin-e1").store.handle
+    drive = ParameterStore(model("hiwin-e1"), handle, keep=lambda _: False)
+    drive.power_on()
+    value, step = drive.get(name), float(handle.axis.profidrive.settings.velocity_step)
+    refused(E.OPERATING_STATE, lambda: drive.set(name, 2000))
+    assert drive.get(name) == value
+    assert float(handle.axis.profidrive.settings.velocity_step) == step
+    assert drive.events() == []

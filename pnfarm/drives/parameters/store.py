@@ -168,6 +168,7 @@ class ParameterStore:
         if target.backing is Backing.COMMAND:
             self._execute(target, values[0])
             return
+        before = dict(self._values.current)
         if target.backing is Backing.SIGNAL:
             self._write_signal(target, values[0])
         elif target.only_reset:
@@ -187,7 +188,14 @@ class ParameterStore:
                 if self._tasks is not None:
                     self._tasks.apply_all()
         if self.model.access.saves_at_once and target.nonvolatile:
-            self._save(parameter)
+            try:
+                self._save(parameter)
+            except ParameterError:
+                # refused: nothing has changed
+                self._values.current = before
+                if not target.after_power_on:
+                    self._axis.apply_written(target)
+                raise
         self._events.append(ParameterWritten(pnu, subindex, tuple(values)))
 
     def get(self, text: str | int) -> int:
