@@ -57,11 +57,7 @@ def command_axis(handle: AxisHandle, parameter: Parameter, value: int) -> None:
         raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
     if command is None or (name in {"disable", "stop"} and not handle.in_operation):
         return
-    argument = {
-        "set-position": round(float(handle.axis.homing.settings.position) * 1e6),
-        "task-move": value,
-        "stop": STOP_HALT,
-    }.get(name, 0)
+    argument = {"task-move": value, "stop": STOP_HALT}.get(name, 0)
     try:
         handle.push_command(command, argument)
     except CommandRingFullError as exc:

@@ -276,7 +276,7 @@ def _power_on(axis: Any, now: int) -> None:
 def _take_motion_command(commands: Any, motor: Any, homing: Any, code: int, argument: int) -> None:
     """Motion that parameters start and end; the current step carries it out."""
     if code == CMD_SET_POSITION:
-        homing.origin = motor.position - argument / 1e6
+        homing.origin = motor.position - homing.settings.position
         homing.homed = 1
         homing.error = 0
         commands.stop = STOP_DROP

@@ -220,3 +220,14 @@ def test_every_position_parameter_keeps_its_position_over_nvsave_and_a_power_cyc
     drive.store.power_on()
     assert drive.axis.travel.settings.low == pytest.approx(-1.0, abs=1e-6)
     assert drive.store.get("SWLS.LIMIT0") == -655_360
+
+
+@pytest.mark.parametrize(("unit", "pin", "pout", "raw"), [(2, 1, 1, -90), (3, 1, 2**32 - 1, 2**31 - 1)])
+def test_6_2_home_set_makes_the_position_home_p_in_every_unit(unit: int, pin: int, pout: int, raw: int) -> None:
+    """Degrees, and the largest unit: whatever the fieldbus writes is a position."""
+    drive = Positioning(homed=False)
+    for name, value in (("UNIT.PIN", pin), ("UNIT.POUT", pout), ("UNIT.PROTARY", unit), ("HOME.P", raw)):
+        drive.drive.store.set(name, value)
+    drive.drive.store.set("HOME.SET", 1)
+    assert drive.send(0x043F, milliseconds=2) & 0x0800
+    assert drive.drive.store.get("PL.FB") == pytest.approx(raw, abs=1)

@@ -412,13 +412,11 @@ def test_the_number_lists_lead_through_all_parameters_where_the_manual_has_them(
 def test_clearing_faults_and_setting_the_position_go_through_the_command_ring(akd: Drive) -> None:
     akd.store.write(2111, 0, [1])
     akd.store.write(2112, 0, [1])
-    akd.store.set("UNIT.PROTARY", 2)
-    akd.store.set("HOME.P", -90)
     akd.store.set("HOME.SET", 1)
     assert [int(c) for c in akd.axis.commands.settings.ring[:3]] == [
         CMD_ACKNOWLEDGE,
         CMD_ACKNOWLEDGE,
-        CMD_SET_POSITION | -250_000 << 8,
+        CMD_SET_POSITION,
     ]
     assert akd.axis.commands.settings.head == 3
 

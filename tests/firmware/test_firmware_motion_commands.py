@@ -161,7 +161,8 @@ def test_setting_the_home_position_drops_what_runs():
     drive = Positioner()
     drive.move(5.0)
     drive.run(200)
-    commanded(drive, CMD_SET_POSITION, 250_000)
+    drive.axis.homing.settings.position = 0.25
+    commanded(drive, CMD_SET_POSITION)
     assert drive.zsw1 & (HOMED | ACTIVE) == HOMED
     drive.run(300)
     assert drive.zsw1 & STOPPED
