@@ -457,3 +457,19 @@ def test_a_drive_costs_less_than_50_kilobytes(akd: Drive) -> None:
     used, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert used / len(stores) < 50_000
+
+
+def test_a_switch_that_saves_or_loads_does_nothing_at_0() -> None:
+    """An idle 0 of a PLC neither saves nor loses values."""
+    drive = new_drive("profidrive")
+    saved = drive.store.snapshot()
+    drive.store.set("p0925", 9)
+    drive.store.set("p0977", 0)
+    assert drive.store.snapshot() == saved
+    drive.store.set("p0976", 0)
+    assert drive.store.get("p0925") == 9
+    drive.store.set("p0977", 1)
+    drive.store.set("p0976", 1)
+    assert drive.store.get("p0925") == 5
+    drive.store.power_on()
+    assert drive.store.get("p0925") == 9

@@ -481,8 +481,10 @@ class ParameterStore:
     # commands
 
     def _execute(self, parameter: Parameter, value: int) -> None:
-        """Carry out a command parameter; its value is ignored, except that a reboot needs one other than 0."""
+        """Carry out a command parameter; its value is ignored, but 0 does nothing to a switch (0 or 1) and a reboot."""
         name = parameter.argument
+        if value == 0 and (parameter.maximum == 1 or name == "reboot"):
+            return
         if name in AXIS_COMMANDS:
             command_axis(self.handle, parameter, value)
         elif name.startswith("task-"):
@@ -496,8 +498,7 @@ class ParameterStore:
         elif name == "blink":
             self._events.append(DisplayBlinkRequested())
         elif name == "reboot":
-            if value:
-                self._events.append(RebootRequested())
+            self._events.append(RebootRequested())
         else:
             # "refuse": the model has no such function, or the control word does it
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
