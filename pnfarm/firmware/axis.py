@@ -87,4 +87,6 @@ AXIS = Layout(
         DRIVING_SETS_RECORD,
         MOTION_TASKS_RECORD,
     ),
+    # a tick reads the first line of each row, and of most rows nothing else
+    cache_lines=True,
 )
