@@ -88,3 +88,19 @@ def test_a_load_of_less_than_nothing_is_none(taken: str):
         assert (line["x"].velocity, float(line.plant.press.value)) == (0.0, -1e-5)
         outside = line.core.axes[0].handle.axis.outside
         assert (float(outside.friction), float(outside.inertia)) == (0.0, 0.0)
+
+
+def test_a_torque_beyond_all_machines_leaves_a_motor_that_turns_again_behind_it():
+    with Line.from_text(
+        CELL.replace("time_constant: 0ms", "time_constant: 0ms, gain: 1000000000000").replace(
+            "WIRES", "press.value * 1 Nm -> x.load_torque"
+        )
+    ) as line:
+        for value in (1e300, -1e300, 0.0):
+            line.plant.press.input = value
+            line.run(0.05)
+            assert math.isfinite(line["x"].velocity)
+            assert math.isfinite(float(line.core.axes[0].handle.axis.motor.position))
+        line["x"].power_cycle()
+        line.run(1.0)
+        assert math.isfinite(line["x"].velocity)
