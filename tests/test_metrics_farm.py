@@ -407,6 +407,18 @@ def test_hundreds_of_injected_faults_on_one_drive_are_counted_while_they_come_an
         assert of(read(collector), "pnfarm_drive_faults_active", drive="axis-01") == left
 
 
+def test_a_fault_that_waits_and_is_cleared_does_not_count_one_that_is_in_force_less():
+    line = VirtualLine(1)
+    collector = FarmCollector(line.farm)
+    line.connect()
+    faults = line.farm.injections
+    faults.inject({"kind": "record-delay", "on": "axis-01", "params": {"delay": "1ms"}}, line.world.now)
+    waits = faults.inject({"kind": "silence", "on": "axis-01", "after": "1h"}, line.world.now)
+    faults.clear(waits.id, line.world.now)
+    line.run(0.01)
+    assert of(read(collector), "pnfarm_drive_faults_active", drive="axis-01") == 1
+
+
 def test_jitter_of_a_controller_on_time_is_none_and_a_lost_frame_is_a_missed_update():
     line = VirtualLine(1)
     collector = FarmCollector(line.farm)

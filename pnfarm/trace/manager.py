@@ -7,6 +7,7 @@ ends after its ``keep`` time, so that a client that is gone leaves nothing behin
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -198,6 +199,8 @@ class TraceManager:
         self._stations = TracedStations(axes, devices, models)
         self._log = log
         self._traces: dict[str, Trace] = {}
+        #: Ids of the injections in force, by what they are on.
+        self._injected: defaultdict[str, set[str]] = defaultdict(set)
         #: Rows whose end the engine has not seen -> first probe and part of the ring.
         self._closing: dict[int, tuple[int, int]] = {}
         (self._rows_in_use,) = field_views(columns.engine[0], "trace_rows")
@@ -434,7 +437,10 @@ class TraceManager:
         concerned = self._stations.concerned.get(entry.drive, ())
         if isinstance(what, InjectionBegan | InjectionEnded):
             for one in concerned:
-                one.image.injected = int(one.image.injected) + (1 if isinstance(what, InjectionBegan) else -1)
+                in_force = self._injected[one.name]
+                # one that ends may have waited only
+                (in_force.add if isinstance(what, InjectionBegan) else in_force.discard)(what.id)
+                one.image.injected = len(in_force)
         names = {one.name for one in concerned}
         for trace in self._traces.values():
             trigger = trace.request.trigger

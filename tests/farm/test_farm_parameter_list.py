@@ -150,7 +150,7 @@ def test_what_is_wrong_in_a_list_is_reported_by_its_own_file_and_line_after_the_
         ("{hiwin-e1: e1.csv, e1: e1.csv}", "parameter_lists.e1: hiwin-e1 has a list already"),
         ("{hiwin-e1: e2.csv}", "'e2.csv' cannot be read: no such file or directory"),
         ("{hiwin-e1: .}", "cannot be read: it is a folder"),
-        ('{hiwin-e1: "e\\0.csv"}', "cannot be read"),
+        ('{hiwin-e1: "e\\0.csv"}', "holds a NUL character"),
         ("{hiwin-e1: 5}", "parameter_lists.hiwin-e1: is 5"),
         ("{hiwin-e1: ''}", "parameter_lists.hiwin-e1: "),
         ("e1.csv", "parameter_lists: is 'e1.csv'"),
