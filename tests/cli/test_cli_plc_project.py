@@ -266,3 +266,17 @@ def test_a_device_s_usual_cycle_is_one_that_it_can_do(folder, clocks, interval, 
     file.write_text(project(plc(), island("island-1", "10.7.0.41", module(1, DI16))))
     with project_plc(file, [folder], interface="eth1") as found:
         assert found.config.controller.devices[0].cycle_ns == own * 1_000_000
+
+
+@pytest.mark.parametrize("count", [10, 400])
+def test_a_generic_module_with_a_configuration_is_run_with_as_many_of_its_400_octets_as_count(folder, count):
+    octets = [-100 - one % 28 for one in range(count)] + [0] * (400 - count)
+    lines = (",".join(map(str, octets[at : at + 80])) for at in range(0, 400, 80))
+    data = "\n\t\t,".join(lines)
+    configuration = f"[{count + 4},1,[{data}]]"
+    file = folder / "line.L5X"
+    file.write_text(l5x_project(l5x_module("Valves", "192.168.1.20", connection(), configuration=configuration)))
+    with project_plc(file, [folder], interface="eth1") as found:
+        assert found.remarks == []
+        (device,) = found.config.controller.devices
+        assert device.configuration == bytes(one % 256 for one in octets[:count])

@@ -21,8 +21,8 @@ MAX_OCTETS = 128 << 20
 MAX_DEPTH = 200
 #: Modules of a project, connections of all of them, and aliases.
 MAX_MODULES, MAX_CONNECTIONS, MAX_ALIASES = 10_000, 40_000, 200_000
-#: Longest value of an attribute, and of a configuration, that is kept, characters.
-MAX_VALUE = 1024
+#: Longest value of an attribute, and of a configuration, that is kept, characters: one has up to 400 octets.
+MAX_VALUE, MAX_CONFIGURATION = 1024, 4096
 _ROOT = "RSLogix5000Content"
 
 
@@ -90,7 +90,7 @@ class _Reader:
         self._modules: list[L5xModule] = []
         self._aliases: list[tuple[str, str]] = []
         self._connections = 0
-        self._text = XmlText(MAX_VALUE)
+        self._text = XmlText(MAX_CONFIGURATION)
         self._way = ""
 
     def read(self, data: bytes) -> L5xProject:

@@ -10,7 +10,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.ethernetip.eds_file import read_eds
-from pnfarm.buses.ethernetip.project.generic import generic_eds, lengths, points
+from pnfarm.buses.ethernetip.project.generic import configuration_octets, generic_eds, lengths, points
 from pnfarm.buses.ethernetip.project.stations import (
     PREFIX,
     EdsFiles,
@@ -81,9 +81,12 @@ def _files(
 
 
 def _configuration(module: L5xModule) -> bytes:
-    """The octets of its configuration; none where the project has other elements, or not all."""
+    """The octets of its configuration; none where the project has other elements, or not all.
+
+    A generic module has room for 400, of which the first number says how many count.
+    """
     head = re.match(r"\[\s*[0-9]+\s*,\s*[0-9]+\s*,\s*\[(?P<octets>[0-9,\s-]*)\]", module.configuration)
     values = [] if head is None else [one.strip() for one in head["octets"].split(",")]
     if not all(re.fullmatch(r"-?[0-9]{1,3}", one) and -128 <= int(one) < 256 for one in values):
         return b""
-    return bytes(int(one) % 256 for one in values)
+    return bytes(int(one) % 256 for one in values[: configuration_octets(module)])

@@ -15,7 +15,7 @@ from pnfarm.protocols.enip.wire.epath import emit_epath, logical_path
 if TYPE_CHECKING:
     from pnfarm.buses.projects.l5x import L5xConnection, L5xModule
 
-__all__ = ["configuration_instance", "generic_eds", "lengths", "points"]
+__all__ = ["configuration_instance", "configuration_octets", "generic_eds", "lengths", "points"]
 
 _CONFIGURATION = re.compile(r"\[\s*([0-9]{1,9})\s*,\s*([0-9]{1,9})\s*[,\]]")
 #: Octets in front of a configuration: its length and its instance are among them.
@@ -42,7 +42,8 @@ def configuration_instance(module: L5xModule) -> int:
     return 0 if found is None else int(found[2])
 
 
-def _configuration_octets(module: L5xModule) -> int:
+def configuration_octets(module: L5xModule) -> int:
+    """How many of its configuration's octets the connection has."""
     found = _CONFIGURATION.match(module.configuration)
     return 0 if found is None else max(0, int(found[1]) - _CONFIGURATION_HEAD)
 
@@ -75,7 +76,7 @@ def generic_eds(module: L5xModule, connection: L5xConnection) -> bytes | None:
         outputs if owner else 0,
         inputs,
         owner=owner,
-        configuration=_configuration_octets(module),
+        configuration=configuration_octets(module),
     )
     numbers = [module.number(key) for key in ("Vendor", "ProductType", "ProductCode")]
     revision = module.number("Major") or 1, module.number("Minor") or 1
