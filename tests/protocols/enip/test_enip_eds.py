@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.enip.eds.reader import parse_sheet
 from pnfarm.protocols.enip.eds.text import Eds, EdsEntry, EdsGroup, EdsSection, EdsString, emit_eds, parse_eds
 
 SHEET = b"""$ a sheet ; with = marks in its comment
@@ -101,3 +102,25 @@ def test_any_sheet_is_read_as_it_was_written(eds):
 @given(st.one_of(st.binary(max_size=200), st.text('[]=,;{}$"\\ aA1\n', max_size=80).map(str.encode)))
 def test_any_octets_are_a_sheet_or_refused(data):
     assert reason(parse_eds, data) != ""
+
+
+DEVICE = """[Device]
+        VendCode = 1; ProdType = 12; ProdCode = 1; MajRev = 1; MinRev = 1; ProdName = "Waage";
+[Params]
+        Param1 = 0,,,0x0000,0xCA,4,"Dämpfung","°C","",0.7,0.9,0.7,,,,,,,,,1;
+        Param2 = 0,,,0x0000,0xCA,4,"Weight","","",-3.4028235E+38,3.4028235E+38,0.0,,,,,,,,,1;
+"""
+
+
+def test_a_float_at_its_limit_is_allowed_although_its_octets_have_a_fraction_beside_it():
+    parameter = parse_sheet(DEVICE.encode("latin-1")).parameters[1]
+    for limit in (0.7, 0.9):
+        assert parameter.complaint(parameter.given(limit)) == ""
+    assert parameter.complaint(parameter.encode(0.69)).endswith("below 0.7")
+    assert parameter.complaint(parameter.encode(0.91)).endswith("above 0.9")
+
+
+def test_the_limits_of_a_whole_type_as_programs_round_them_are_none():
+    parameter = parse_sheet(DEVICE.encode("latin-1")).parameters[2]
+    assert (parameter.minimum, parameter.maximum) == (None, None)
+    assert parameter.complaint(parameter.given(-3.4028234e38)) == ""

@@ -178,6 +178,18 @@ def test_odd_lengths_and_offsets_of_bits_are_read_as_they_are_written(ref, octet
         assert ref.value(bytes(written)) == value
 
 
+@pytest.mark.parametrize("limit", ["0.7", "0.9", "-3.4028235E+38", "3.4028235E+38"])
+def test_a_float_at_its_limit_is_allowed_although_its_octets_have_a_fraction_beside_it(limit):
+    ref = ParameterRef("Float32", default=limit, allowed="-3.4028235E+38 0.7..0.9 3.4028235E+38", name="Filter")
+    one = ParameterRecord(1, 4, refs=(ref,))
+    octets = one.octets({"Filter": limit})
+    assert octets == one.defaults()
+    assert one.complaint(octets) is None
+    assert one.complaint(struct.pack(">f", 0.69)).text == (
+        f"record 1, Filter: 0.69 is written, allowed is {ref.allowed}"
+    )
+
+
 @given(st.floats(allow_nan=False, width=32), st.integers(0, 0xFFFF))
 def test_values_are_read_back_as_they_were_put(pressure, time):
     allowed = 0.0 <= pressure <= 10.0 and 5 <= time <= 1000

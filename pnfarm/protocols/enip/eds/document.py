@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.connection import ConnectionKind
@@ -98,6 +98,10 @@ class Parameter:
         """Octets as on the wire; :class:`Problem` for a value that the type cannot hold."""
         return self.type.encode(value, "little")
 
+    def _held(self, bound: float) -> Any:
+        """A bound as its octets have it: a REAL has none that is exactly 0.7."""
+        return self.type.decode(self.encode(bound), "little")
+
     def complaint(self, octets: bytes) -> str:
         """What the file does not allow of a value, empty for nothing."""
         if len(octets) != self.type.octets:
@@ -105,9 +109,9 @@ class Parameter:
         value = self.type.decode(octets, "little")
         if not isinstance(value, int | float):
             return ""
-        if self.minimum is not None and value < self.minimum:
+        if self.minimum is not None and value < self._held(self.minimum):
             return f"{self.name} is {value}, below {self.minimum}"
-        if self.maximum is not None and value > self.maximum:
+        if self.maximum is not None and value > self._held(self.maximum):
             return f"{self.name} is {value}, above {self.maximum}"
         return ""
 

@@ -179,6 +179,8 @@ class FieldReader:
                 number = float(text)
             except ValueError:
                 number = math.nan
+            if bound and abs(number) > kind.limits[1]:
+                return None
             if not math.isfinite(number) or not kind.limits[0] <= number <= kind.limits[1]:
                 raise refusal(entry, f"its value {text!r} is not a number of {kind.name}")
             return number

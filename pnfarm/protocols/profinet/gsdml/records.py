@@ -116,6 +116,16 @@ class ParameterRef:
             return 1
         return self.length if self.length or self.data_type in _LISTED else None
 
+    def _held(self, number: float) -> float:
+        """A number as it is in the record: a Float32 has none that is exactly 0.7."""
+        if self.data_type != "Float32":
+            return number
+        try:
+            held: float = struct.unpack(">f", struct.pack(">f", number))[0]
+        except OverflowError:
+            return number
+        return held
+
     def check(self, value: float) -> str | None:
         """What is wrong with a number for this value, as a sentence's end, or None."""
         if not self.allowed:
@@ -127,7 +137,7 @@ class ParameterRef:
                 last = _numeric(high) if dots else first
             except ValueError:
                 return None  # the maker's own notation: the device decides
-            if first <= value <= last:
+            if self._held(first) <= self._held(value) <= self._held(last):
                 return None
         return f"allowed is {self.allowed}"
 
