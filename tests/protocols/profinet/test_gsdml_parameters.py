@@ -9,9 +9,11 @@ from gsdml_examples import ISLAND, example
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pnfarm.protocols.profinet.gsdml.document import Info
+from pnfarm.protocols.profinet.gsdml.languages import Languages
 from pnfarm.protocols.profinet.gsdml.parameters import parameter_records
 from pnfarm.protocols.profinet.gsdml.records import ParameterConst, ParameterRecord, ParameterRef
-from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
+from pnfarm.protocols.profinet.gsdml.station import PlugError, PluggedModule, PluggedSubmodule, plug_station
 
 MODULES = {1: "DI16", 2: "DO8", 3: "AI4", 4: "VALVES", 5: "SERIAL", 8: "COUNTER2"}
 
@@ -188,6 +190,16 @@ def test_a_float_at_its_limit_is_allowed_although_its_octets_have_a_fraction_bes
     assert one.complaint(struct.pack(">f", 0.69)).text == (
         f"record 1, Filter: 0.69 is written, allowed is {ref.allowed}"
     )
+
+
+@pytest.mark.parametrize("key", ["5/2 Valve", "1.1.0/5/2 valve", "1.1.1.0/5/2 valve"])
+def test_a_parameter_whose_name_begins_like_a_place_is_found_by_its_name(key):
+    names = ("5/2 valve", "Other") if key[0] == "5" else ("5/2 valve", "5/2 valve")
+    refs = tuple(ParameterRef("Unsigned8", byte_offset=at, name=name) for at, name in enumerate(names))
+    submodule = PluggedSubmodule(1, 1, 1, 1, records=(ParameterRecord(1, 2, refs=refs),))
+    at = int(key.startswith("1.1.1"))
+    octets = parameter_records(PluggedModule(1, 1, "", Info(), (submodule,)), {key: 3}, Languages())[1, 1]
+    assert octets == bytes((0, 3) if at else (3, 0))
 
 
 @given(st.floats(allow_nan=False, width=32), st.integers(0, 0xFFFF))

@@ -42,8 +42,10 @@ def _asked(key: str) -> tuple[tuple[int, ...], str]:
 
 def _find(module: PluggedModule, key: str, languages: Languages) -> Found:
     candidates = [found for found in _all(module) if found[2].name]
+    # a name may begin like a place: 5/2 valve
+    here = [found for found in candidates if languages.called(found[2].name, key)]
     place, name = _asked(key)
-    here = [
+    here = here or [
         (position, record, ref)
         for position, record, ref in candidates
         if position[: len(place)] == place and languages.called(ref.name, name)
