@@ -112,6 +112,12 @@ DEVICE = """[Device]
 """
 
 
+def test_a_sheet_that_an_editor_stored_as_utf_8_with_its_mark_is_read():
+    marked, plain = (parse_sheet(DEVICE.encode(encoding)) for encoding in ("utf-8-sig", "latin-1"))
+    assert marked == plain
+    assert (marked.parameters[1].name, marked.parameters[1].unit) == ("Dämpfung", "°C")
+
+
 def test_a_float_at_its_limit_is_allowed_although_its_octets_have_a_fraction_beside_it():
     parameter = parse_sheet(DEVICE.encode("latin-1")).parameters[1]
     for limit in (0.7, 0.9):

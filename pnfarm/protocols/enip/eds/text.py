@@ -13,6 +13,7 @@ What sections and entries mean is their reader's.
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF8
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
@@ -165,10 +166,14 @@ class _Tokens:
 
 
 def parse_eds(data: bytes) -> Eds:
-    """A whole file, ISO 8859-1.  Raises ``long``, ``bad-text``, ``bad-section``, ``bad-entry``, with the line."""
+    """A whole file, ISO 8859-1, or UTF-8 with its mark.
+
+    Raises ``long``, ``bad-text``, ``bad-section``, ``bad-entry``, with the line.
+    """
     if len(data) > LONGEST:
         raise DecodeError("long", f"{len(data)} octets")
-    tokens = _Tokens(data.decode("latin-1"))
+    marked = data.startswith(BOM_UTF8)
+    tokens = _Tokens(data.decode("utf-8-sig", "replace") if marked else data.decode("latin-1"))
     sections: list[EdsSection] = []
     while tokens.kind:
         if tokens.kind != "section":
