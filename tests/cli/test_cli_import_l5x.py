@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 
 import pytest
@@ -16,6 +17,7 @@ from pnfarm.buses.projects.description_folders import DescriptionFolders
 from pnfarm.buses.projects.l5x import MAX_DEPTH, NotL5xError, parse_l5x
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.file.reading import load_farm
+from pnfarm.protocols.enip.eds.reader import parse_sheet
 from pnfarm.testing import Line
 
 EDS = sorted((CONFIGS / "eds").glob("*.eds"))
@@ -92,6 +94,17 @@ def test_a_module_whose_eds_file_is_at_hand_is_played_by_it(imported, tmp_path):
     group = groups(out)["unit"]
     assert (group.eds, group.connection) == (file.name, chosen.keyword)
     assert exchanging(out, ["unit"]) == [True]
+
+
+def test_an_eds_file_with_its_identity_in_hexadecimal_is_found(imported, tmp_path):
+    text = EDS[0].read_text("latin-1")
+    for key in ("VendCode", "ProdType", "ProdCode", "MajRev"):
+        text = re.sub(rf"({key}\s*=\s*)([0-9]+)", lambda one: f"{one[1]}0x{int(one[2]):04X}", text)
+    (tmp_path / "unit.eds").write_text(text, "latin-1")
+    key = parse_sheet(text.encode("latin-1")).key
+    identity = {"Vendor": key.vendor_id, "ProductType": key.device_type, "ProductCode": key.product_code}
+    _, out = imported(module("Unit", "192.168.1.20", connection(), CatalogNumber="X", **identity))
+    assert groups(out)["unit"].eds == "unit.eds"
 
 
 def test_aliases_of_a_module_s_data_name_its_signals(imported):

@@ -35,7 +35,7 @@ __all__ = [
 
 #: The project does not say how long an address's prefix is.
 PREFIX = 24
-_KEYS = re.compile(rb"\b(VendCode|ProdType|ProdCode|MajRev)\s*=\s*([0-9]{1,6})", re.IGNORECASE)
+_KEYS = re.compile(rb"\b(VendCode|ProdType|ProdCode|MajRev)\s*=\s*(0x[0-9a-f]{1,4}\b|[0-9]{1,6})", re.IGNORECASE)
 _ALIAS = re.compile(r"(?P<module>[^:]+):(?P<way>[IO])\.Data\[(?P<index>[0-9]{1,4})\](?:\.(?P<bit>[0-9]{1,2}))?")
 #: Octets of an element, and its type as that of a signal.
 _ELEMENTS = {
@@ -194,7 +194,8 @@ class EdsFiles:
         #: By vendor, type and code, with their major revisions, the highest first.
         self._known: dict[tuple[int, ...], list[tuple[FileAtHand, int]]] = {}
         for file, data in folders.contents(".eds", LONGEST):
-            keys = {key.lower(): int(value) for key, value in reversed(_KEYS.findall(data))}
+            words = reversed(_KEYS.findall(data))
+            keys = {key.lower(): int(value, 16 if b"x" in value.lower() else 10) for key, value in words}
             numbers = tuple(keys.get(key, -1) for key in (b"vendcode", b"prodtype", b"prodcode"))
             self._known.setdefault(numbers, []).append((file, keys.get(b"majrev", 0)))
         for files in self._known.values():
