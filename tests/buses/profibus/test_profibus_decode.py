@@ -136,6 +136,20 @@ def poll(fcb=True, data=b"\x04\x7f\x00\x00", address=5):
     return Telegram(address, 1, 0x50 | 0x20 * fcb | Request.SRD_HIGH, data=data)
 
 
+def test_the_data_of_a_slave_without_inputs_or_outputs_begin_once(tmp_path, capsys):
+    telegrams = []
+    for number in range(6):
+        fcb = bool(number % 2)
+        telegrams += [poll(fcb, b"\x01"), ShortAck()]
+        telegrams += [poll(fcb, b"", 6), Telegram(1, 6, 0x08, data=b"\x02")]
+    told = decoded(capsys, written(tmp_path, *telegrams))
+    begin = "cyclic data begin"
+    assert [text for text in told if begin in text] == [
+        f"station 1 -> station 5 {begin} 1 octets; 01", f"station 5 -> station 1 {begin} 0 octets;",
+        f"station 1 -> station 6 {begin} 0 octets;", f"station 6 -> station 1 {begin} 1 octets; 02",
+    ]  # fmt: skip
+
+
 def test_what_goes_wrong_on_a_line_is_told(tmp_path, capsys):
     broken = bytearray(emit_telegram(poll()))
     broken[6] ^= 1

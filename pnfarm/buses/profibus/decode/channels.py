@@ -66,7 +66,7 @@ class Cyclic:
     def begin(self) -> None:
         """The slave was parametrised anew: its next telegrams are first ones."""
         for channel in (self.outputs, self.inputs):
-            channel.data = b""
+            channel.begun = False
 
     def channels(self) -> Iterator[CyclicChannel]:
         """Those with telegrams."""
@@ -88,7 +88,9 @@ class Cyclic:
         channel.frames += 1
         channel.last_ns = now
         before, channel.data, channel.octets = channel.data, data, len(data)
-        if not before or len(before) != len(data):
+        # a slave without outputs, or without inputs, has none of them in each telegram
+        begun, channel.begun = channel.begun, True
+        if not begun or len(before) != len(data):
             yield self._first(channel)
             return
         if mean and channel.interval_count > 2 and passed > self._capture.gap_cycles * mean:

@@ -369,7 +369,7 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
         found = slave.cyclic
         if found is None:
             found = slave.cyclic = Cyclic(_station(master), _station(address), self.shared.capture)
-        if not found.outputs.data:
+        if not found.outputs.begun:
             telegram = None
             if slave.model is not None:
                 known = slave.model.profidrive.telegrams.values()
