@@ -465,6 +465,21 @@ def test_data_of_another_length_than_agreed_are_told():
     assert tape.lines()[-1] == "cyclic: wrong length 60 octets, 64 expected"
 
 
+def test_data_of_a_variable_length_may_have_fewer_octets_than_agreed():
+    tape = Tape()
+    sizes = {way: fo.NetworkParameters(size, variable=True) for way, size in (("o_to_t", 70), ("t_to_o", 66))}
+    connect(tape, forward_open(**sizes))
+    for number, octets in enumerate((64, 40, 20, 0, 64), 1):
+        tape.io(1, IDS[1], number, bytes(octets))
+        tape.io(0, IDS[0], number, command()[:octets], header=1 if octets else None)
+    tape.io(1, IDS[1], 6, bytes(65))
+    found = [line for line in tape.lines(every_frame=True) if line.startswith("cyclic")]
+    assert [line for line in found if "wrong length" in line] == ["cyclic: wrong length 65 octets, 64 expected"]
+    assert found[-1] == "cyclic: wrong length 65 octets, 64 expected"
+    assert sum("no octets" in line for line in found) == 2
+    assert not any("malformed" in line for line in tape.lines())
+
+
 def test_a_farm_file_lends_its_layouts_where_no_forward_open_was_captured():
     tape = Tape(opened=False)
     for number, control in enumerate((0, 0x80), 1):

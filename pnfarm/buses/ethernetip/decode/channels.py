@@ -24,6 +24,7 @@ class Template:
     """How to read one direction's data; ``octets`` are those of data alone.
 
     ``header`` is None where nothing says whether there is one.  ``model``: the drive's, if the data are its assembly.
+    ``variable``: data may have fewer octets.
     """
 
     from_device: bool
@@ -33,11 +34,15 @@ class Template:
     timeout_ns: int
     assembly: int | None = None
     model: Model | None = None
+    variable: bool = False
 
-    @property
-    def is_static(self) -> bool:
+    def fits(self, octets: int) -> bool:
+        """Whether data may have so many octets."""
+        return octets <= self.octets if self.variable else octets == self.octets
+
+    def is_static(self, data: bytes) -> bool:
         """Whether the data are a position controller's assembly."""
-        return self.model is not None and self.octets >= STATIC
+        return self.model is not None and len(data) >= STATIC
 
 
 def octets_behind(size: int, model: Model | None, *, from_device: bool) -> tuple[int, bool | None, bool]:

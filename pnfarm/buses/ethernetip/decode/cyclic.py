@@ -40,10 +40,10 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     channel = _channel(packet, ip, pdu, shared)
     template = channel.template
     data, header = pdu.data, None
-    if template is not None and template.header:
+    if template is not None and template.header and (data or not template.variable):
         r = Reader(data, little=True)
         header, data = r.u32(), r.rest()
-    if template is not None and len(data) != template.octets:
+    if template is not None and not template.fits(len(data)):
         yield from channel.limited("wrong length", f"{len(data)} octets, {template.octets} expected")
         return
     before = channel.data
@@ -51,7 +51,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
         yield from _time(channel, packet.time_ns, pdu, shared)
         if header is not None and channel.header is not None and (header ^ channel.header) & 1:
             yield from channel.limited("run/idle", _mode(header), before=channel.header, after=header)
-        if template is not None and template.is_static and data != before:
+        if template is not None and data != before and template.is_static(min(before, data, key=len)):
             for what, text, details in changes(before, data, template.model, from_device=template.from_device):
                 yield from channel.limited(what, text, **details)
     channel.frames += 1
@@ -103,7 +103,7 @@ def _first(channel: Channel) -> str:
 
 def _values(channel: Channel) -> str:
     template = channel.template
-    if template is None or not template.is_static:
+    if template is None or not template.is_static(channel.data):
         return octets_text(channel.data)
     return values(channel.data, from_device=template.from_device)
 

@@ -218,7 +218,7 @@ def _keep(asked: ForwardOpen, ids: tuple[int, int], intervals: tuple[int, int], 
             api_ns = intervals[place] * 1000
             template = Template(
                 from_device, octets, header, api_ns, api_ns * _multiplier(asked),
-                points[place] if points else None, model if whole else None,
+                points[place] if points else None, model if whole else None, parameters.variable,
             )  # fmt: skip
             known = shared.channels.get(keys[place])
             if known is not None and known.template == template and from_device and multicast:
