@@ -13,6 +13,16 @@ from recorded_farm import described, record
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.protocols.profinet.wire.ptcp import PtcpPdu, PtcpTlv, TlvType, emit_ptcp
+from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
+    UUID_PNIO_DEVICE,
+    Opnum,
+    PacketType,
+    RequestArgs,
+    RpcPdu,
+    emit_request_args,
+    emit_rpc,
+)
 
 
 @pytest.fixture(scope="module")
@@ -220,3 +230,17 @@ def test_every_frame_of_ptcp_is_a_line_when_asked_for():
 def test_a_cut_ptcp_frame_is_malformed():
     (line,) = make_decoder().feed(CapturedFrame(1, 0, DELAY_REQUEST[:30]))
     assert (line.family, line.description.what) == ("ptcp", "malformed")
+
+
+def test_a_read_that_is_sent_again_is_no_other_one():
+    header = IodReadReqHeader(
+        sequence_number=1, ar_uuid=UUID(int=5), api=0, slot=0, subslot=1, index=0xAFF0, record_data_length=64
+    )
+    args = emit_request_args(RequestArgs(64, header.emit()), little_endian=True)
+    call = RpcPdu(PacketType.REQUEST, UUID_PNIO_DEVICE, UUID(int=9), opnum=Opnum.READ, body=args)
+    frames = [udp(49_152, 34_964, emit_rpc(replace(call, sequence=number))) for number in (1, 1, 2)]
+    decoder = make_decoder()
+    found = [line.description for frame in frames for line in decoder.feed(frame)]
+    asked = "slot 0 subslot 0x0001 index 0xAFF0 (I&M0)"
+    assert [(one.what, one.text) for one in found] == [("Read.req", asked), ("Read.req", "again"), ("Read.req", asked)]
+    assert [list(one.counts) for one in found] == [["reads"], ["repeated"], ["reads"]]

@@ -128,10 +128,11 @@ def _pdu(pdu: RpcPdu, packet: Packet, called: IPv4Address, shared: Shared) -> It
         case PacketType.REQUEST:
             begin = None if pdu.is_fragment and pdu.fragment_number else hash(pdu.body)
             # a controller that was restarted may begin with the same numbers again
-            if call is None or (None not in {begin, call.begin} and begin != call.begin):
+            known = call is not None and (None in {begin, call.begin} or begin == call.begin)
+            if call is None or not known:
                 call = shared.calls[key] = Call(service, pdu.opnum, packet.source, packet.destination)
             call.begin = call.begin if begin is None else begin
-            if call.answered or ((call.blocks or call.write) and not pdu.is_fragment):
+            if call.answered or (known and not pdu.is_fragment):
                 yield Description(f"{service}.req", "again", {}, {"repeated": ""})
                 return
             stub = _whole(pdu, call, request=True)
