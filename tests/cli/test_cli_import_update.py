@@ -80,6 +80,25 @@ def test_edits_stay_and_the_project_s_changes_come(cell):
     assert again.out == f"{out}: nothing to change\n"
 
 
+@pytest.mark.parametrize("names", [("cell.pnfarm.yml", "cell.imported.yml"), ("cell.imported.yml",)])
+def test_files_that_a_version_control_stored_with_other_ends_of_lines_are_those_of_the_import(cell, names):
+    _, out = cell()
+    for name in names:
+        path = out.with_name(name)
+        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    same, _ = cell(options=("--update",))
+    assert (same.code, same.out) == (0, f"{out}: nothing to change\n")
+    without = plc(tags=TAGS), drive("axis-1", "10.7.0.21"), island()
+    found, _ = cell(*without, options=("--update",))
+    assert (found.code, found.out.splitlines()) == (0, [
+        "axis-1: changed: ip",
+        "axis-2: gone from the project: removed, as you had changed nothing in it",
+        f"{out}: updated",
+    ])  # fmt: skip
+    octets = out.read_bytes()
+    assert octets.count(b"\r") == (octets.count(b"\n") if out.name in names else 0)
+
+
 def test_a_dry_run_shows_the_difference_and_writes_nothing(cell):
     first, out = cell(options=("--dry-run",))
     assert (first.code, files(out.parent).keys()) == (0, {GSDML.name})

@@ -85,7 +85,8 @@ def read_record(farm: Path) -> Record | None:
     path = record_path(farm)
     try:
         data = read_regular(path, 2 * MAX_OCTETS)
-        _, files, text = data.decode().split("\n", 2)
+        # a version control may have stored it with other ends of lines
+        _, files, text = data.decode().replace("\r\n", "\n").split("\n", 2)
         known = parse_yaml(files).root.plain()[_FILES]
         values = parse_yaml(text).root.plain()
         if not isinstance(known, dict) or not isinstance(values["farm"], str):
