@@ -12,6 +12,8 @@ from recorded_farm import described, record
 
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.reading import CapturedFrame, FrameReader
+from pnfarm.protocols.profinet.errors import RtaError
+from pnfarm.protocols.profinet.wire.alarms.rta import error_pdu, rta_error
 from pnfarm.protocols.profinet.wire.ptcp import PtcpPdu, PtcpTlv, TlvType, emit_ptcp
 from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
@@ -244,3 +246,19 @@ def test_a_read_that_is_sent_again_is_no_other_one():
     asked = "slot 0 subslot 0x0001 index 0xAFF0 (I&M0)"
     assert [(one.what, one.text) for one in found] == [("Read.req", asked), ("Read.req", "again"), ("Read.req", asked)]
     assert [list(one.counts) for one in found] == [["reads"], ["repeated"], ["reads"]]
+
+
+def test_the_end_of_a_connection_tells_the_last_frame_of_all_that_its_peer_sent():
+    plc, drive = bytes.fromhex("020000000001"), bytes.fromhex("020000000002")
+
+    def frame(milliseconds, to, source, payload):
+        octets = to + source + b"\x88\x92" + payload
+        return CapturedFrame(1, milliseconds * 1_000_000, octets.ljust(60, b"\0"))
+
+    def data(frame_id):
+        return frame_id.to_bytes(2, "big") + bytes(40) + bytes.fromhex("00203500")
+
+    # two connections, the second with another frame id
+    frames = [frame(0, plc, drive, data(0x8000)), frame(5000, plc, drive, data(0x8001))]
+    frames.append(frame(5006, drive, plc, error_pdu(rta_error(1, 1, RtaError.CONSUMER_DHT_EXPIRED)).emit()))
+    assert described(frames)[-1].endswith("; last cyclic frame of 02:00:00:00:00:02 6.0 ms ago")

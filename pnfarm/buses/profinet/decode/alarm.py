@@ -53,8 +53,13 @@ def alarm(packet: Packet, shared: Shared) -> Iterator[Description]:
 
 def _silence(packet: Packet, shared: Shared) -> str:
     """Time since the other end's last cyclic frame: the cause of the abort if its frames stopped."""
-    for (to, source, _), channel in shared.channels.items():
-        if (to, source) == (packet.source, packet.destination) and channel.begun:
-            ago = (packet.time_ns - channel.last_ns) / 1e6
-            return f"; last cyclic frame of {shared.stations.name(source)} {ago:.1f} ms ago"
-    return ""
+    # an earlier connection may have had another frame id
+    lasts = [
+        channel.last_ns
+        for (to, source, _), channel in shared.channels.items()
+        if (to, source) == (packet.source, packet.destination) and channel.begun
+    ]
+    if not lasts:
+        return ""
+    ago = (packet.time_ns - max(lasts)) / 1e6
+    return f"; last cyclic frame of {shared.stations.name(packet.destination)} {ago:.1f} ms ago"
