@@ -17,7 +17,15 @@ from scapy.utils import RawPcapNgReader
 
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.links.capture.pcap import packet_block, section_header
+from pnfarm.links.capture.pcap import PcapngWriter, packet_block, section_header
+from pnfarm.protocols.profinet.wire.dcp.blocks import NameBlock
+from pnfarm.protocols.profinet.wire.dcp.pdu import (
+    DCP_IDENTIFY_RESPONSE,
+    SERVICE_IDENTIFY,
+    TYPE_SUCCESS,
+    DcpPdu,
+    emit_dcp,
+)
 
 FARM = """\
 farm: pcaptest
@@ -293,3 +301,15 @@ def test_a_ring_of_files_of_cyclic_frames(background, process, file, tmp_path, n
     assert len(channels) == 6
     lost = json.loads(re.findall(r".*capture ended.*", up.err + up.out)[-1])["lost"]
     assert lost == 0
+
+
+def test_what_a_station_says_is_one_line_and_cannot_control_the_terminal(pnfarm, tmp_path):
+    name = NameBlock("axis\x1b[2J\n-1")
+    pdu = emit_dcp(DcpPdu(DCP_IDENTIFY_RESPONSE, SERVICE_IDENTIFY, TYPE_SUCCESS, 7, (name,)))
+    path = tmp_path / "line.pcapng"
+    writer = PcapngWriter(path)
+    writer.write(writer.add_interface(""), bytes.fromhex("020000000001 020000000002 8892") + pdu, 10**18, "in")
+    writer.close()
+    done = pnfarm("decode", path)
+    (line,) = done.out.splitlines()
+    assert line.endswith("DCP Identify.res name axis?[2J?-1")

@@ -12,12 +12,15 @@ from own_interfaces import own_interfaces
 
 from pnfarm.buses import registry
 from pnfarm.buses.ethernetip.commands.scan import _take, twice
+from pnfarm.buses.profinet.commands import scan as pn_scan
 from pnfarm.buses.search import SearchAnswer, SearchBus
 from pnfarm.cli.main import main
 from pnfarm.protocols.enip.identity_search import IdentitySearch
 from pnfarm.protocols.enip.wire.cpf import emit_items
 from pnfarm.protocols.enip.wire.encapsulation import Command, EncapsulationPdu, emit_encapsulation
 from pnfarm.protocols.enip.wire.identity import IdentityItem
+from pnfarm.protocols.profinet.dcp.client import IdentifyAnswered, station_info
+from pnfarm.protocols.profinet.wire.dcp.blocks import NameBlock, StationTypeBlock
 
 FARM = """\
 farm: scantest
@@ -116,6 +119,16 @@ def test_a_serial_number_at_two_addresses_is_told():
     assert list(twice(search)) == [
         "vendor 452 serial number 0x00000009 is there 2 times: 10.0.0.1, 10.0.0.2",
     ]
+
+
+def test_what_stations_say_cannot_control_the_terminal(capsys):
+    said = (NameBlock("axis\x1b[2J\n-1"), StationTypeBlock("servo\x1b]0;x\x07"))
+    neighbour = {"station": "switch\x1b[2J", "port": "port-1\r", "mac": "02:00:00:00:00:02", "ip": None}
+    device = pn_scan._answer(IdentifyAnswered(1, bytes(6), station_info(said), said))
+    pn_scan._print([device | {"neighbours": [neighbour]}], "eth1", with_lldp=True)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split()[:2] == ["axis?[2J?-1", "servo?]0;x?"]
+    assert lines[-1].startswith("└─ switch?[2J port-1?  02:00:00:00:00:02")
 
 
 def test_anything_else_that_comes_is_not_a_device():

@@ -13,7 +13,7 @@ import typer
 
 from pnfarm.buses import registry
 from pnfarm.errors import ConfigError
-from pnfarm.terminal.output import print_json, print_line, seconds
+from pnfarm.terminal.output import print_json, print_line, printable, seconds
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -165,11 +165,11 @@ class _Chosen:
 
 def _text(line: Line, decoder: Decoder) -> str:
     described = line.description
-    return (
+    text = (
         f"{_clock(line.time_ns)} {decoder.name(line.source)} -> {decoder.name(line.destination)} "
         f"{described.what} {described.text}".rstrip()
-        + "\n"
     )
+    return printable(text) + "\n"
 
 
 def _clock(time_ns: int) -> str:
@@ -230,7 +230,7 @@ def _summary(decoder: Decoder, stations: Iterable[str], output: DecodeFormat) ->
         return
     for talk in talks:
         for text in _paragraph(talk):
-            print_line(text)
+            print_line(printable(text))
 
 
 _COUNTERS = (

@@ -160,7 +160,7 @@ def _device(one: Found) -> dict[str, Any]:
 
 
 def _print(devices: list[dict[str, Any]], interface: str) -> None:
-    from pnfarm.terminal.output import print_line, print_table
+    from pnfarm.terminal.output import print_line, print_table, printable
 
     if not devices:
         print_line(f"{interface}: no device answers to ListIdentity")
@@ -168,7 +168,7 @@ def _print(devices: list[dict[str, Any]], interface: str) -> None:
     columns = ("PRODUCT", "IP", "VENDOR", "DEVICE TYPE", "PRODUCT CODE", "REVISION", "SERIAL", "STATUS")
     rows = [
         (
-            _shown(device["name"]),
+            printable(device["name"]) or "-",
             device["ip"],
             str(device["vendor_id"]),
             str(device["device_type"]),
@@ -180,8 +180,3 @@ def _print(devices: list[dict[str, Any]], interface: str) -> None:
         for device in devices
     ]
     print_table(columns, rows)
-
-
-def _shown(name: str) -> str:
-    """A name from the wire without control characters."""
-    return "".join(letter if letter.isprintable() else "?" for letter in name) or "-"

@@ -24,21 +24,22 @@ async def search(question: Question) -> SearchAnswer:
     """Devices by DCP (name, type, addresses, ids, role), and neighbours at the wire's other end by LLDP."""
     from pnfarm.buses.profinet.controller.search import duplicate_names
     from pnfarm.buses.search import SearchAnswer
+    from pnfarm.terminal.output import printable
 
     answers, neighbours = await _listen(question.interface, question.seconds, question.neighbour_seconds)
     found = _join([_answer(event) for event in answers], [_heard(neighbour) for neighbour in neighbours])
     show = partial(_print, found, question.interface, with_lldp=question.neighbour_seconds > 0)
-    return SearchAnswer(found, show, tuple(duplicate_names(answers)))
+    return SearchAnswer(found, show, tuple(map(printable, duplicate_names(answers))))
 
 
 def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> None:
-    from pnfarm.terminal.output import print_line, print_table
+    from pnfarm.terminal.output import print_line, print_table, printable
 
     columns = ("NAME", "TYPE", "MAC", "IP", "VENDOR", "DEVICE", "~ROLE")
     rows = [
         (
-            device["name"] or "-",
-            device["type"] or "-",
+            printable(device["name"] or "-"),
+            printable(device["type"] or "-"),
             device["mac"],
             device["ip"] or "-",
             _hex(device["vendor_id"]),
@@ -61,7 +62,7 @@ def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> N
         branch = "└─" if place == len(heard) - 1 else "├─"
         about = [neighbour["mac"], neighbour["ip"], device["type"] or neighbour["system_description"]]
         more = "  ".join(word for word in about if word)
-        print_line(f"{branch} {neighbour['station']} {neighbour['port']}  {more}")
+        print_line(printable(f"{branch} {neighbour['station']} {neighbour['port']}  {more}"))
 
 
 async def _listen(
