@@ -465,6 +465,18 @@ def test_data_of_another_length_than_agreed_are_told():
     assert tape.lines()[-1] == "cyclic: wrong length 60 octets, 64 expected"
 
 
+def test_a_connection_that_is_opened_again_under_its_old_ids_goes_on_in_the_summary():
+    tape = Tape()
+    for serial, first in ((7, 1), (8, 1)):
+        connect(tape, forward_open(triad=fo.Triad(serial, 1, 1)))
+        for number in (first, first + 1, first + 4):
+            tape.io(1, IDS[1], number, bytes(64))
+    decoder, lines = tape.decoded()
+    assert sum(line.description.what == "cyclic data begin" for line in lines) == 2
+    (figures,) = next(talk["cyclic"] for talk in decoder.summary() if talk["cyclic"])
+    assert (figures["frames"], figures["frames_missing"]) == (6, 4)
+
+
 def test_data_of_a_variable_length_may_have_fewer_octets_than_agreed():
     tape = Tape()
     sizes = {way: fo.NetworkParameters(size, variable=True) for way, size in (("o_to_t", 70), ("t_to_o", 66))}

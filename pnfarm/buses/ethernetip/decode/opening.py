@@ -223,7 +223,9 @@ def _keep(asked: ForwardOpen, ids: tuple[int, int], intervals: tuple[int, int], 
             known = shared.channels.get(keys[place])
             if known is not None and known.template == template and from_device and multicast:
                 continue  # one more that listens
-            shared.channels[keys[place]] = Channel(ids[place], template)
+            channel = shared.channels[keys[place]] = Channel(ids[place], template)
+            if known is not None:
+                channel.inherit(known)
     shared.opened[route.device, asked.triad] = Opened(asked, keys)
 
 
