@@ -36,6 +36,14 @@ def test_a_file_says_who_the_slave_is_and_what_it_can():
     assert gsd.warnings == ()
 
 
+def test_a_file_that_counts_more_modules_than_a_chk_cfg_has_room_for_has_all_of_these_slots():
+    data = HEAD + b'Modular_Station=1\nMax_Module=255\nModule="a" 0x10\n1\nEndModule\n'
+    assert parse_gsd_file(data).warnings == ()
+    assert len(island({244: "a"}, data=data).identifiers) == 244
+    with pytest.raises(ConfigError, match="slot 245 is given, the station has slots 1 to 244"):
+        island({245: "a"}, data=data)
+
+
 def test_a_compact_slave_has_its_module_and_the_octets_of_older_files():
     slave = plug_slave(parse_gsd_file(VALVE), {})
     assert (slave.identifiers, slave.user) == (b"\x11\x20", b"\x01\x02")

@@ -256,7 +256,8 @@ def parse_gsd_file(data: bytes) -> Gsd:
     ident = reader.required("Ident_Number")
     modular, v1 = reader.flag("Modular_Station"), reader.flag("DPV1_Slave")
     values = reader.values()
-    most = reader.number("Max_Module", _SLOTS) if modular else 1
+    # the keyword counts to 255, and no Chk_Cfg has room for so many
+    most = min(reader.number("Max_Module", 0xFF) or 1, _SLOTS) if modular else 1
     class_one = v1 and (reader.flag("C1_Read_Write_supp") or "c1_read_write_supp" not in reader.top)
     class_two = v1 and reader.flag("C2_Read_Write_supp")
     entries = [part for part in reader.file.parts if isinstance(part, GsdEntry)]
@@ -279,7 +280,7 @@ def parse_gsd_file(data: bytes) -> Gsd:
         fail_safe=reader.flag("Fail_Safe"),
         address_changes=reader.flag("Set_Slave_Add_supp"),
         modular=modular,
-        most_modules=most or 1,
+        most_modules=most,
         most_inputs=reader.number("Max_Input_Len", 0xFFFF) if modular else None,
         most_outputs=reader.number("Max_Output_Len", 0xFFFF) if modular else None,
         most_data=reader.number("Max_Data_Len", 0xFFFF) if modular else None,
