@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
+from cell_file import CELL, GSDML
 from device_cell import CONFIGS, DRIVES, ONE, Cell
 
+from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
+from pnfarm.farm.file.reading import parse_farm
 
 RIGHT = CONFIGS / "programs" / "right.py"
 
@@ -163,3 +168,22 @@ def test_a_program_runs_devices_on_all_buses(tmp_path):
 def test_a_device_whose_cycle_the_controllers_send_clock_cannot_make_is_named():
     with pytest.raises(ConfigError, match="device island: its cycle does not fit the controller's send clock: 1ms"):
         Cell(DRIVES + ONE + SIGNALS + "    cycle: 1ms\n", ", send_clock_factor: 128")
+
+
+def test_a_device_of_the_farm_is_run_whatever_its_file_has_as_default(tmp_path):
+    text = GSDML.read_text("utf-8")
+    # a bit area may cross its octet, and a type may be one without a number
+    known = '<Ref DataType="Bit" ByteOffset="1" BitOffset="0" DefaultValue="1"'
+    assert text.count(known) == 1
+    wide = '<Ref DataType="BitArea" ByteOffset="0" BitOffset="5" BitLength="9" DefaultValue="1"'
+    (tmp_path / GSDML.name).write_text(text.replace(known, wide), "utf-8")
+
+    async def states():
+        line = await VirtualLine.create(parse_farm(CELL.replace(str(GSDML), str(tmp_path / GSDML.name))))
+        try:
+            running = line.world.run(5.0, until=lambda: line.controllers.all_running)
+            return running, {row["name"]: row["state"] for row in line.controllers.snapshot()}
+        finally:
+            await line.close()
+
+    assert asyncio.run(states()) == (True, {"axis-01": "DATA", "island-1": "DATA"})

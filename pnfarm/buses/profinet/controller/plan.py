@@ -145,8 +145,12 @@ def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Pa
 def _plan_own(section: ProfinetController, device: ProfinetDeviceConfig, ip: IPv4Interface) -> DevicePlan:
     """A device of the farm: its file was read with the farm file, and it does not run a safety protocol either."""
     station = device.described.plugged
+    # what the device begins with, also where the file has a default that a controller cannot put together
+    defaults = {
+        (one.slot, one.subslot, record.index): record.defaults() for one in station.submodules for record in one.records
+    }
     with describing(device.name):
-        planned = plan_station(station, device.described.parameters, safe=True)
+        planned = plan_station(station, {**defaults, **device.described.parameters}, safe=True)
         plan = _plan_described(section, device, station.gsdml, planned, ip)
         return replace(plan, data_signals=device.described.signals, data_places=device.described.signal_places)
 
