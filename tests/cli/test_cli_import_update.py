@@ -274,3 +274,14 @@ def test_a_description_file_that_is_lost_is_written_again(cell, tmp_path, tmp_pa
         found, _ = cell(options=("--gsdml", library, "--update"))
         assert (found.code, (tmp_path / ISLAND).read_bytes()) == (0, GSDML.read_bytes())
         (tmp_path / ISLAND).unlink()
+
+
+def test_a_description_file_with_an_apostrophe_in_its_name_is_read_before_it_is_there(cell, tmp_path_factory):
+    _, out = cell(*FIRST[:3])
+    name = "GSDML-V2.35-Maker's-Island-20261127.xml"
+    library = tmp_path_factory.mktemp("library")
+    with zipfile.ZipFile(library / "maker.zip", "w") as made:
+        made.writestr(name, GSDML.read_bytes())
+    found, _ = cell(*FIRST[:3], island().replace(ISLAND, name), options=("--gsdml", library, "--update"))
+    assert (found.code, found.err) == (0, "")
+    assert load_farm(out).devices[0].gsdml == name

@@ -204,7 +204,7 @@ def _errors(data: bytes | str, farm: Path, files: Mapping[str, bytes]) -> str:
         there, at = [], 0
         for node in walk(parse_yaml(text).root) if text else ():
             if isinstance(node.content, str) and node.content in files and not node.shared and node.start >= at:
-                there += [text[at : node.start], f"'{scratch}/{node.content}'"]
+                there += [text[at : node.start], json.dumps(f"{scratch}/{node.content}", ensure_ascii=False)]
                 at = node.end
         try:
             parse_farm("".join(there) + text[at:] if text else data, farm)
