@@ -67,6 +67,7 @@ def page() -> str:
         "A farm serves `/metrics` at its API's address, in Prometheus's text format. Values are in base units,",
         "counters end in `_total`, and every series is there from the start, at 0. A drive has at most 199 series:",
         "counters by fault, reason and injected kind count under the label `other` beyond that.",
+        "While a drive has no supply, its words, state, set point, fault and voltage are 0; its motor may still turn.",
         "",
         "    scrape_configs:",
         "      - job_name: pnfarm",

@@ -212,6 +212,25 @@ def test_counters_never_fall_while_connections_come_and_go():
     assert total == now["frames_received"] > int(line.farm.columns.cpm[open_row].received)
 
 
+def test_a_drive_without_supply_has_no_fault_no_words_and_no_voltage_while_its_motor_coasts():
+    line = VirtualLine(1)
+    collector = FarmCollector(line.farm)
+    line.connect()
+    line.enable()
+    line.run(1.0)
+    station = line.farm.axis("axis-01")
+    before = read(collector)
+    station.raise_fault("undervoltage", hold=True)
+    line.run(0.002)
+    station.station.power_off(line.world.now)
+    line.run(0.002)
+    samples = read(collector)
+    gone = ["state", "fault_active", "stw1", "zsw1", "bus_volts", "setpoint_rpm", "setpoint_max_rpm"]
+    assert {name: of(samples, f"pnfarm_axis_{name}", drive="axis-01") for name in gone} == dict.fromkeys(gone, 0)
+    assert all(of(before, f"pnfarm_axis_{name}", drive="axis-01") for name in gone if name != "fault_active")
+    assert of(samples, "pnfarm_axis_velocity_rpm", drive="axis-01") > 1
+
+
 def test_lost_connection_is_counted_by_reason_and_its_reconnect_is_timed():
     line = VirtualLine(1)
     collector = FarmCollector(line.farm)

@@ -203,6 +203,7 @@ class FarmCollector(Collector):
             for axis in station.axes:
                 if axis.configured_name != station.configured_name:
                     self._axis_info.add(axis.configured_name, station.configured_name)
+        #: Family and column; without its supply a drive has no values, only its motor turns on.
         self._axis: list[tuple[Family, str]] = [
             (drive(f"axis_{name}", "gauge", documentation), column)
             for name, column, documentation in (
@@ -344,14 +345,23 @@ class FarmCollector(Collector):
         axis = core.columns.axis[:count]
         parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._shard, [1]), (self._info, [1] * count)]
         parts.append((self._axis_info, [1] * len(self._axis_info)))
-        parts += [(family, AXIS.read(axis, column).tolist()) for family, column in self._axis]
+        powered = axis["powered"] != 0
+        parts += [
+            (family, np.where(powered | column.startswith("motor."), AXIS.read(axis, column), 0).tolist())
+            for family, column in self._axis
+        ]
         observed = core.columns.observed[:count]
         parts += [
-            (family, choose(observed[column], observed[f"last_{column}"]).tolist())
+            (
+                family,
+                np.where(
+                    powered | column.startswith("velocity"), choose(observed[column], observed[f"last_{column}"]), 0
+                ).tolist(),
+            )
             for family, column, choose in self._peaks
         ]
         parts.append((self._life_errors, axis.life.errors.tolist()))
-        parts.append((self._fault_active, (axis.faults.code[:, 0] & NUMBER_MASK).tolist()))
+        parts.append((self._fault_active, np.where(powered, axis.faults.code[:, 0] & NUMBER_MASK, 0).tolist()))
         parts.append((self._fault_total, self._labelled(self._fault_total, self._fault_counts())))
         parts += self._connections(stations)
         parts += self._channels(stations)

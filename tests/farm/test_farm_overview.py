@@ -79,6 +79,20 @@ def test_a_drive_without_supply_has_a_state_of_its_own(farm):
     assert viewer.rows[0]["ar_state"] == "NO_AR"
 
 
+def test_a_drive_without_supply_has_no_fault(farm):
+    line, overview = farm(1)
+    viewer = Viewer(overview)
+    line.run(0.5)
+    line.core.axes[0].raise_fault("undervoltage", hold=True)
+    line.run(0.1)
+    viewer.look()
+    assert viewer.values["fault"] == {0: 502}
+    line.core.axes[0].station.power_off(line.now_ns)
+    line.run(0.2)
+    viewer.look()
+    assert viewer.values["fault"] == {0: 0}
+
+
 def test_a_viewer_that_was_away_is_told_all_that_it_missed(farm):
     line, overview = farm()
     here, away = Viewer(overview), Viewer(overview)

@@ -50,8 +50,8 @@ VALUES: Mapping[str, Callable[[Any], Any]] = {
     "velocity": lambda axis: np.rint(axis["motor"]["velocity"] * 10),
     "setpoint": lambda axis: np.rint(axis["ramp"]["setpoint"] * 10),
     "current": lambda axis: np.rint(axis["motor"]["current"] * 100),
-    "fault": lambda axis: axis["faults"]["code"][:, 0] & NUMBER_MASK,
-    "warning": lambda axis: axis["warnings"]["code"],
+    "fault": lambda axis: np.where(axis["powered"] != 0, axis["faults"]["code"][:, 0] & NUMBER_MASK, 0),
+    "warning": lambda axis: np.where(axis["powered"] != 0, axis["warnings"]["code"], 0),
 }
 
 
