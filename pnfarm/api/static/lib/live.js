@@ -119,7 +119,8 @@ function takeSignals(message) {
   farm.signalsFull = message === null;
   if (message === null) return;
   let known = farm.signals;
-  if (!known || known.id !== message.id || !known.seconds.length) known = pastOf(message);
+  // a stream that begins anew, after a break or of a farm that was restarted, has samples that are here already
+  if (!known || known.id !== message.id || !known.seconds.length || message.seconds[0] <= known.seconds[known.seconds.length - 1]) known = pastOf(message);
   const seconds = known.seconds.concat(message.seconds);
   const first = Math.max(0, seconds.findIndex(one => one >= seconds[seconds.length - 1] - KEPT_SECONDS));
   const values = {};

@@ -1,0 +1,52 @@
+"""The page's modules on a farm that the test plays: what a person is shown when answers come late, twice or never."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import pnfarm
+
+NODE = shutil.which("node")
+PAGE = Path(pnfarm.__file__).parent / "api" / "static"
+HARNESS = Path(__file__).parents[2] / "support" / "page_in_node.mjs"
+
+pytestmark = pytest.mark.skipif(NODE is None, reason="node is not installed (apt-get install nodejs)")
+
+
+def played(script):
+    """What the script returns; it runs in Node with the names of the harness."""
+    run = subprocess.run([NODE, HARNESS, PAGE, script], capture_output=True, text=True, check=False, timeout=60)
+    assert run.returncode == 0, run.stderr
+    return json.loads(run.stdout.splitlines()[-1])
+
+
+def test_time_in_a_drive_s_plots_does_not_go_back_when_the_stream_begins_anew():
+    seconds = played("""
+        const live = await import(page + "lib/live.js");
+        live.look({drive: "axis-01"});
+        const samples = (from, to) => {
+            const seconds = [];
+            for (let i = from; i <= to; i++) seconds.push(i / 100);
+            return {id: "trace-1", seconds, signals: {velocity: seconds}};
+        };
+        const stream = () => { say("farm", FARM); say("overview", {seconds: 100, rows: {0: row("axis-01")}}); };
+        stream();
+        say("signals", samples(0, 500));
+        say("signals", samples(501, 520));
+        say("signals", {id: "trace-1", seconds: [], signals: {velocity: []}});
+        // the browser has connected again: the last ten seconds come, and then what is new
+        stream();
+        say("signals", samples(0, 600));
+        say("signals", samples(601, 610));
+        const before = live.farm.signals.seconds;
+        // the farm was started again
+        stream();
+        say("signals", samples(0, 3));
+        return [before, live.farm.signals.seconds];
+    """)
+    assert seconds == [[i / 100 for i in range(611)], [i / 100 for i in range(4)]]
