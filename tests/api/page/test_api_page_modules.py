@@ -50,3 +50,29 @@ def test_time_in_a_drive_s_plots_does_not_go_back_when_the_stream_begins_anew():
         return [before, live.farm.signals.seconds];
     """)
     assert seconds == [[i / 100 for i in range(611)], [i / 100 for i in range(4)]]
+
+
+def test_entries_of_the_log_that_came_without_a_stream_are_told_as_missed():
+    told = played("""
+        const live = await import(page + "lib/live.js");
+        const {Health} = await import(page + "views/health.js");
+        const entry = sequence => ({sequence, time: 0, farm_seconds: 0, drive: "", event: "FaultRaised"});
+        live.look({});
+        say("farm", FARM);
+        const root = await shown(Health), told = [];
+        const entries = async (...some) => {
+            say("log", {entries: some.map(entry)});
+            await until(() => root.textContent.includes("FaultRaised"));
+            await new Promise(done => setTimeout(done, 30));
+            told.push([live.farm.lost, root.textContent.includes("5 were missed")]);
+        };
+        await entries(40, 41);
+        // without a stream there were 42 to 46
+        say("farm", FARM);
+        await entries(47);
+        // a farm that was started again counts from 1
+        say("farm", FARM);
+        await entries(1, 2);
+        return told;
+    """)
+    assert told == [[0, False], [5, True], [5, True]]

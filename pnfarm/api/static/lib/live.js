@@ -108,7 +108,9 @@ function takeValues(message) {
 }
 
 function takeLog(message) {
-  farm.lost += message.lost || 0;
+  const last = farm.log[farm.log.length - 1], [first] = message.entries;
+  // what came while there was no stream is lost as well; a farm that began anew counts from 1
+  farm.lost += last && last.sequence < first.sequence ? first.sequence - last.sequence - 1 : message.lost || 0;
   farm.log = [...farm.log, ...message.entries].slice(-MOST_LOG);
 }
 
