@@ -76,3 +76,38 @@ def test_entries_of_the_log_that_came_without_a_stream_are_told_as_missed():
         return told;
     """)
     assert told == [[0, False], [5, True], [5, True]]
+
+
+TRACE = """
+    const live = await import(page + "lib/live.js");
+    const {Trace} = await import(page + "views/trace.js");
+    live.look({});
+    say("farm", {...FARM, writes: WRITES});
+    say("overview", {seconds: 1, rows: {0: row("axis-01")}});
+    answers["GET traces/signals/axis-01"] = {signals: [{signal: "velocity"}, {signal: "setpoint"}]};
+    const status = {id: "t1", state: "waiting", samples: 0, triggered_by: "", missed: 0};
+    answers["POST traces"] = status;
+    answers["GET traces/t1"] = status;
+    const root = await shown(Trace, {name: "axis-01"});
+    await until(() => root.all("form").length);
+    const button = text => root.all("button").find(one => one.textContent === text);
+"""
+
+
+def test_a_trace_that_runs_is_followed_again_when_the_farm_answers_again():
+    assert played(
+        TRACE.replace("WRITES", "true")
+        + """
+        root.all("form")[0].listeners.submit.call(root.all("form")[0], {type: "submit", preventDefault() {}});
+        await until(() => root.textContent.includes("t1: waiting"));
+        let failed = 0;
+        answers["GET traces/t1"] = () => { failed += 1; throw new TypeError("Failed to fetch"); };
+        await until(() => failed > 0);
+        answers["GET traces/t1"] = {...status, samples: 7};
+        await until(() => root.textContent.includes("t1: waiting, 7 samples"));
+        // only the farm knows that it has ended
+        delete answers["GET traces/t1"];
+        await until(() => !root.textContent.includes("t1: waiting"));
+        return true;
+        """
+    )

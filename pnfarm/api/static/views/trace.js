@@ -76,6 +76,8 @@ export function Trace({name}) {
         follow({...status});
       } catch (problem) {
         if (!alive) return;
+        // whether the trace is still there, only the farm can say
+        if (problem.status !== 404) return setTrace({...trace});
         say(problem.message, "bad");
         follow(null);
       }
