@@ -111,3 +111,10 @@ def test_a_trace_that_runs_is_followed_again_when_the_farm_answers_again():
         return true;
         """
     )
+
+
+@pytest.mark.parametrize("writes", [True, False])
+def test_who_may_only_read_can_start_no_trace(writes):
+    off = "const start = button('Start'); return Boolean(start.attributes.disabled ?? start.disabled);"
+    found = played(TRACE.replace("WRITES", str(writes).lower()) + off)
+    assert found is not writes

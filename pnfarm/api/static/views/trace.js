@@ -49,7 +49,7 @@ function Picture({recording, signals}) {
 }
 
 export function Trace({name}) {
-  const {byName, deviceByName} = useFarm(), kind = byName.has(name) ? "drive" : deviceByName.has(name) ? "device" : "model";
+  const {byName, deviceByName, writes} = useFarm(), kind = byName.has(name) ? "drive" : deviceByName.has(name) ? "device" : "model";
   const triggers = {drive: TRIGGERS, device: OF_DEVICES, model: OF_MODELS}[kind];
   const [text, setText] = useState("");
   const [list, error] = useLoaded(() => get("traces/signals/" + path(name)), [name]);
@@ -102,7 +102,7 @@ export function Trace({name}) {
       <div class="bar">
         ${field("trigger", "Trigger", 24, {list: "triggers"})}<datalist id="triggers">${triggers.map(one => html`<option key=${one} value=${one}/>`)}</datalist>
         ${field("pre", "before it", 7)} ${field("length", "after it", 7)} ${field("interval", "a sample every", 7)}
-        <button type="submit" class="main" disabled=${!chosen.length}>Start</button>
+        <button type="submit" class="main" disabled=${!writes || !chosen.length} title=${writes ? null : "this token may read only"}>Start</button>
         ${trace && trace.state === "waiting" ? html`<${Act} title="trigger now" onClick=${() => act(() => call("POST", path("traces", trace.id, "trigger")))}>Trigger now<//>` : null}
         ${trace ? html`<span role="status">${trace.id}: ${trace.state}, ${plural(trace.samples, "sample")}${trace.triggered_by ? `, triggered by ${trace.triggered_by}` : ""}${trace.missed ? `, ${trace.missed} missed` : ""}</span>` : null}
         ${recording ? html`<a class="button" href=${url(path("traces", trace.id) + "?format=csv")} download=${trace.id + ".csv"}>CSV</a>
