@@ -118,3 +118,16 @@ def test_who_may_only_read_can_start_no_trace(writes):
     off = "const start = button('Start'); return Boolean(start.attributes.disabled ?? start.disabled);"
     found = played(TRACE.replace("WRITES", str(writes).lower()) + off)
     assert found is not writes
+
+
+def test_a_bit_that_is_not_known_at_the_cursor_is_not_shown_as_0():
+    assert played("""
+        const {LogicRows} = await import(page + "lib/charts.js");
+        const bits = [{bit: 0, name: "on"}, {bit: 1, name: "ready"}], found = [];
+        for (const at of [0, 1, null]) {
+            const word = {times: [0, 1, 2], values: [null, 1, 3], bits, range: [0, 2], label: "STW1", at};
+            const root = await shown(LogicRows, word);
+            found.push(root.all("strong").map(one => one.textContent));
+        }
+        return found;
+    """) == [["–", "–"], ["1", "0"], ["1", "1"]]

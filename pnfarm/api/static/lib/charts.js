@@ -119,7 +119,7 @@ export function LogicRows({times, values, bits, range, label, at: place = null})
   });
   return html`<div class="logic" role="img" aria-label=${label}>
     <div class="names">${bits.map(({bit, name}) => {
-      const now = times.length ? values[place !== null && place < times.length ? place : times.length - 1] >> bit & 1 : 0;
+      const value = values[place !== null && place < times.length ? place : times.length - 1], now = value === undefined || value === null ? "–" : value >> bit & 1;
       return html`<div key=${bit} style=${{height: `${BIT_HEIGHT}px`}}><span class="dim">${bit}</span><span class="name" title=${name}>${name}</span><strong>${now}</strong></div>`;
     })}</div>
     <canvas ref=${ref} style=${{height: `${bits.length * BIT_HEIGHT}px`}}></canvas></div>`;
