@@ -131,3 +131,23 @@ def test_a_bit_that_is_not_known_at_the_cursor_is_not_shown_as_0():
         }
         return found;
     """) == [["–", "–"], ["1", "0"], ["1", "1"]]
+
+
+def test_the_topology_of_a_hub_shows_the_line_of_each_drive_s_shard():
+    text = played("""
+        const live = await import(page + "lib/live.js");
+        const {Topology} = await import(page + "views/topology.js");
+        live.look({});
+        const line = where => ({way: "tcp", where});
+        const lines = {}, rows = {};
+        for (const i of [1, 2, 3]) lines[`profibus shard ${i}`] = line(`10.0.0.${i}:400${i}`);
+        for (const i of [1, 2]) rows[i - 1] = row(`dp-${i}`, {bus: "profibus", shard: `shard ${i}`});
+        say("farm", {...FARM, drives: 2, link: "macvlan", lines});
+        say("overview", {seconds: 1, rows});
+        const root = await shown(Topology);
+        return root.textContent;
+    """)
+    assert "profibus, tcp 10.0.0.1:4001" in text
+    assert "profibus, tcp 10.0.0.2:4002" in text
+    assert "4003" not in text
+    assert "macvlan" not in text

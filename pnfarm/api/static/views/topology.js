@@ -38,11 +38,12 @@ function groupsOf(drives) {
 export function Topology() {
   const farm = useFarm();
   // what lies between a controller and its drives: the link with its interface, or a line
-  const placesOf = members => [...new Set(members.map(drive => drive.bus))].map(bus => {
-    const line = Object.keys(farm.lines).includes(bus) ? farm.lines[bus] : null;
+  const placesOf = members => [...new Set(members.map(({bus, shard}) => {
+    // a hub has the lines of all shards
+    const line = farm.lines[bus] || farm.lines[`${bus} ${shard}`];
     if (line) return line.way === "memory" ? `${bus}, in memory` : `${bus}, ${line.way} ${line.where}`;
     return farm.link === "memory" ? `${bus}, in memory` : farm.parent ? `${bus}, ${farm.link} on ${farm.parent}` : `${bus}, ${farm.link}`;
-  });
+  }))];
   const [active, , again] = useLoaded(() => get("faults"), [], 1);
   const down = pulled(active ? active.faults : []);
   const drives = farm.drives.filter(drive => drive.known), stations = [...drives, ...farm.devices.map(stationOf)];
