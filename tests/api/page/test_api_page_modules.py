@@ -151,3 +151,29 @@ def test_the_topology_of_a_hub_shows_the_line_of_each_drive_s_shard():
     assert "profibus, tcp 10.0.0.2:4002" in text
     assert "4003" not in text
     assert "macvlan" not in text
+
+
+def test_the_preview_of_a_fault_is_of_what_is_typed_last():
+    assert played("""
+        const live = await import(page + "lib/live.js");
+        const {Faults} = await import(page + "views/faults.js");
+        live.look({});
+        say("farm", FARM);
+        const more = {family: "link", doc: "", params: {}, takes: [], directions: [], wire: "", reports: "", buses: {}};
+        answers["GET fault-kinds"] = {kinds: [{kind: "silence", ...more}]};
+        answers["GET faults"] = {faults: []};
+        let first = null;
+        answers["POST faults"] = ({on}) => {
+            const reach = {drives: on, cannot: [], left_out: []};
+            // the answer about axis-01 comes last
+            return on[0] === "axis-01" ? new Promise(done => { first = () => done(reach); }) : reach;
+        };
+        const root = await shown(Faults, {on: "axis-01", kind: "silence"});
+        await until(() => first);
+        const field = root.all("input").find(one => (one.attributes.id ?? one.id) === "on");
+        field.listeners.input.call(field, {type: "input", target: {value: "axis-02"}});
+        await until(() => root.textContent.includes("1 drive: axis-02"));
+        first();
+        await new Promise(done => setTimeout(done, 50));
+        return root.textContent.includes("1 drive: axis-02");
+    """)

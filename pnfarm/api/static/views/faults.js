@@ -65,21 +65,23 @@ function Reach({spec}) {
   const [text, setText] = useState({good: "", bad: ""});
   const key = JSON.stringify(spec);
   useEffect(() => {
+    let alive = true;
+    const tell = found => { if (alive) setText(found); };
     const timer = setTimeout(async () => {
-      if (!spec.on.length) return setText({good: "", bad: "Name a drive, or all."});
+      if (!spec.on.length) return tell({good: "", bad: "Name a drive, or all."});
       try {
         const reach = await call("POST", "faults?dry_run=true", spec);
         const hit = reach.drives, reasons = byReason(reach.cannot);
         const others = reach.left_out.map(one => one.drive || one);
-        setText({
+        tell({
           good: `Would hit ${plural(hit.length, wordFor(hit))}: ${hit.slice(0, 12).join(", ")}${hit.length > 12 ? " …" : ""}${others.length ? `; leaves out ${others.slice(0, 12).join(", ")}` : ""}`,
           bad: reasons.slice(0, 4).join("; ") + (reasons.length > 4 ? `; and ${reasons.length - 4} more cannot` : ""),
         });
       } catch (problem) {
-        setText({good: "", bad: problem.message});
+        tell({good: "", bad: problem.message});
       }
     }, 300);
-    return () => clearTimeout(timer);
+    return () => { alive = false; clearTimeout(timer); };
   }, [key]);
   return html`<p role="status"><span class="good">${text.good}</span> <span class="bad">${text.bad}</span></p>`;
 }
