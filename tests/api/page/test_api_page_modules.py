@@ -177,3 +177,22 @@ def test_the_preview_of_a_fault_is_of_what_is_typed_last():
         await new Promise(done => setTimeout(done, 50));
         return root.textContent.includes("1 drive: axis-02");
     """)
+
+
+def test_a_run_that_the_farm_no_longer_knows_is_not_shown_as_if_it_went_on():
+    text = played("""
+        const {Scenarios} = await import(page + "views/scenarios.js");
+        const steps = {steps: 2, steps_begun: 1, step: "wait", left_seconds: 9, ended_early: ""};
+        const found = {verdict: null, seconds: 1, counts: {}, cases: [], timeline: []};
+        const run = {id: "s1", scenario: "long", state: "running", ...found, ...steps};
+        answers["GET scenarios"] = {scenarios: [run]};
+        answers["GET scenarios/s1"] = run;
+        const root = await shown(Scenarios, {id: "s1"});
+        await until(() => root.textContent.includes("Step 1 of 2"));
+        delete answers["GET scenarios/s1"];
+        const before = asked.length;
+        await until(() => asked.slice(before).filter(one => one === "GET scenarios/s1").length > 0);
+        await new Promise(done => setTimeout(done, 50));
+        return root.textContent;
+    """)
+    assert "there is no GET scenarios/s1" in text

@@ -36,6 +36,7 @@ function Report({id}) {
   return html`<div class="panel" aria-label=${"Scenario " + found.scenario} role="region">
     <div class="bar"><h3>${found.scenario}</h3><${Verdict} found=${found}/><span class="dim">${found.seconds ? time(found.seconds) + (Object.values(found.counts).some(count => count) ? ", " : "") : ""}${Object.entries(found.counts).filter(([, count]) => count).map(([verdict, count]) => `${count} ${verdict}`).join(", ")}</span>
       <span class="gap"></span>${found.state === "running" ? html`<${Act} title="end it: its faults are cleared" onClick=${stop}>Stop<//>` : html`<a class="button" href=${url(path("scenarios", id, "report"))} target="_blank" rel="noopener">Open the report</a> ${record ? html`<button type="button" onClick=${save}>Record as JSON</button>` : null}`}</div>
+    <${Problem} text=${error}/>
     ${found.ended_early ? html`<p class="warn">${found.ended_early}</p>` : null}
     ${found.state === "running" ? html`<p role="status">Step ${found.steps_begun} of ${found.steps}: ${found.step}; at most ${time(found.left_seconds)} more for it <progress max=${found.steps} value=${found.steps_begun}></progress></p>` : null}
     ${cases.length ? html`<div class="scroll" tabindex="0" role="region" aria-label="Expectations"><table><thead><tr><th scope="col">Line</th><th scope="col">Expectation</th><th scope="col">Verdict</th><th scope="col">Allowed</th><th scope="col">Measured</th><th scope="col">Message</th></tr></thead>
