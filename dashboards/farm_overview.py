@@ -68,15 +68,14 @@ def farm_overview() -> Json:
 def _overview_now(board: Board) -> None:
     count = f"count({farm('pnfarm_axis_state')})"
     operating = f"sum({farm('pnfarm_axis_state')} == bool 4)"
-    connected = f"sum({farm('pnfarm_ar_exchanging')})"
     board.row("Now")
     board.add(stat("Drives", [target(count)], "Drives of the farm, powered or not."), 3, 4)
     share = thresholds((None, RED), (0.5, ORANGE), (1, GREEN))
     board.add(
         stat(
             "Exchanging data",
-            [target(f"{connected} / {count}")],
-            "Share of the drives whose connection is completely set up.",
+            [target(f"avg({farm('pnfarm_ar_exchanging')})")],
+            "Share of the stations, drives and devices, whose connection is completely set up.",
             unit="percentunit",
             steps=share,
             decimals=0,
