@@ -12,7 +12,7 @@ register("data:text/javascript," + encodeURIComponent(`
   };`));
 
 class Node {
-  constructor(name) { Object.assign(this, {localName: name, nodeType: 1, childNodes: [], parentNode: null, attributes: {}, listeners: {}, style: {setProperty() {}}}); }
+  constructor(name) { Object.assign(this, {localName: name, nodeType: 1, childNodes: [], parentNode: null, attributes: {}, listeners: {}, style: {setProperty() {}}, scrollTop: 0, clientHeight: 600}); }
   get firstChild() { return this.childNodes[0] || null; }
   get nextSibling() { const all = this.parentNode ? this.parentNode.childNodes : []; return all[all.indexOf(this) + 1] || null; }
   insertBefore(node, before) {
@@ -34,7 +34,11 @@ class Node {
   all(name) { return this.childNodes.flatMap(one => [...(one.localName === name ? [one] : []), ...one.all(name)]); }
 }
 const textOf = data => Object.assign(new Node("#text"), {nodeType: 3, data: String(data)});
-globalThis.document = {createElement: name => new Node(name), createElementNS: (_, name) => new Node(name), createTextNode: textOf, title: ""};
+globalThis.document = {createElement: name => new Node(name), createElementNS: (_, name) => new Node(name), createTextNode: textOf, title: "", querySelector: () => null};
+const app = new Node("div");
+document.getElementById = () => app;
+globalThis.addEventListener = globalThis.removeEventListener = () => {};
+globalThis.scrollTo = () => {};
 globalThis.window = globalThis;
 globalThis.location = {hash: ""};
 globalThis.requestAnimationFrame = draw => setTimeout(draw, 0);
@@ -89,7 +93,7 @@ export async function until(so) {
 
 if (test) {
   const Test = Object.getPrototypeOf(async () => {}).constructor;
-  const names = {page, answers, asked, say, FARM, row, shown, until, streams};
+  const names = {page, app, answers, asked, say, FARM, row, shown, until, streams};
   console.log(JSON.stringify(await new Test(...Object.keys(names), test)(...Object.values(names)) ?? null));
   process.exit(0);
 }

@@ -196,3 +196,28 @@ def test_a_run_that_the_farm_no_longer_knows_is_not_shown_as_if_it_went_on():
         return root.textContent;
     """)
     assert "there is no GET scenarios/s1" in text
+
+
+def test_drives_behind_one_that_refuses_are_power_cycled_as_well():
+    cycled, told = played("""
+        const live = await import(page + "lib/live.js");
+        const {Overview} = await import(page + "views/overview.js");
+        const {Toasts} = await import(page + "lib/ui.js");
+        live.look({});
+        const names = ["axis-01", "axis-02", "axis-03"];
+        say("farm", {...FARM, drives: 3});
+        say("overview", {seconds: 1, rows: Object.fromEntries(names.map((name, i) => [i, row(name)]))});
+        for (const name of names) answers[`POST drives/${name}/power-cycle`] = {};
+        delete answers["POST drives/axis-01/power-cycle"];
+        const root = await shown(Overview), toasts = await shown(Toasts);
+        const all = root.all("input").find(one => (one.attributes["aria-label"]) === "select all shown");
+        all.listeners.change.call(all, {type: "change", target: {checked: true}});
+        const button = () => root.all("button").find(one => one.textContent === "Power-cycle");
+        await until(button);
+        await new Promise(done => setTimeout(done, 30));
+        button().listeners.click.call(button(), {type: "click"});
+        await until(() => toasts.textContent);
+        return [asked.filter(one => one.endsWith("power-cycle")).length, toasts.textContent];
+    """)
+    assert cycled == 3
+    assert "axis-01" in told

@@ -52,7 +52,11 @@ function ordered(drives, [key, sign]) {
 function Selection({selected, select, shown}) {
   const names = [...selected];
   const on = {on: names};
-  const each = (action, done) => act(async () => { for (const name of names) await call("POST", path("drives", name) + "/" + action); }, done);
+  const cycle = () => act(async () => {
+    const refused = [];
+    for (const name of names) await call("POST", path("drives", name, "power-cycle")).catch(problem => refused.push(problem.message));
+    if (refused.length) throw new Error(`${refused.length} of ${plural(names.length, "drive")} not power-cycled: ${[...new Set(refused)].slice(0, 4).join("; ")}`);
+  }, `${plural(names.length, "drive")} power-cycled`);
   return html`<div class="bar" role="group" aria-label="Selected drives">
     <strong>${plural(names.length, "drive")} selected</strong>
     <button type="button" onClick=${() => select(new Set(shown.map(drive => drive.name)))}>Select all ${shown.length} shown</button>
@@ -64,7 +68,7 @@ function Selection({selected, select, shown}) {
     <${Act} kind="hot" title="the sign of life freezes for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
     <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => inject({kind: "link-down", for: "2s", ...on})}>cable 2 s<//>
     <a class="button" href=${"#/faults?on=" + encodeURIComponent(names.join(","))}>other fault…</a>
-    <${Act} title="off and on again" onClick=${() => each("power-cycle", `${plural(names.length, "drive")} power-cycled`)}>Power-cycle<//></div>
+    <${Act} title="off and on again" onClick=${cycle}>Power-cycle<//></div>
   </div>`;
 }
 
