@@ -65,7 +65,8 @@ function App() {
   const [what, name] = place.parts, known = {drive: farm.byName, device: farm.deviceByName}[what];
   const wanted = known && known.has(name) ? {[what]: name} : {};
   useEffect(() => look(wanted), [wanted.drive, wanted.device]);
-  const follow = farm.devices.length > 0 && ["", "device", "topology"].includes(what);
+  // a shard that is away may have some
+  const follow = (farm.devices.length > 0 || farm.devicesAway) && ["", "device", "topology"].includes(what);
   const [, problem] = useLoaded(loadDevices, [farm.begun, follow], follow ? 2 : 0);
   const chosen = known ? "" : what;
   return html`

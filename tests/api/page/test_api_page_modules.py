@@ -221,3 +221,24 @@ def test_drives_behind_one_that_refuses_are_power_cycled_as_well():
     """)
     assert cycled == 3
     assert "axis-01" in told
+
+
+def test_devices_whose_shard_was_away_at_first_are_shown_when_it_comes():
+    assert played("""
+        answers["GET devices"] = {devices: [], unreachable: [{shard: "shard 1", reason: "no answer"}]};
+        const usual = setTimeout;
+        globalThis.setTimeout = (done, after, ...more) => usual(done, Math.min(after, 50), ...more);
+        await import(page + "main.js");
+        await until(() => streams.length);
+        say("farm", FARM);
+        say("overview", {seconds: 1, rows: {0: row("axis-01")}});
+        await until(() => asked.filter(one => one === "GET devices").length > 1);
+        await new Promise(done => usual(done, 100));
+        const connection = {state: "DATA", controller: null, cycle_seconds: 0.004};
+        const island = {name: "island", station_name: "island", description: "", ip: "10.0.0.2/24"};
+        answers["GET devices"] = {
+            devices: [{...island, connection, powered: true, connected: true, injected: [], inputs: 1, outputs: 1}],
+        };
+        await until(() => app.textContent.includes("island"));
+        return true;
+    """)

@@ -16,7 +16,7 @@ let pending = false;
 
 export const farm = {
   connected: false, begun: 0, error: "", told: 0, name: "pnfarm", link: "", parent: null, writes: true, lines: {}, faults: {}, seconds: 0,
-  drives: [], byName: new Map(), devices: [], devicesKnown: false, deviceByName: new Map(), engine: null, log: [], lost: 0, drive: null, signals: null, signalsFull: false,
+  drives: [], byName: new Map(), devices: [], devicesKnown: false, devicesAway: false, deviceByName: new Map(), engine: null, log: [], lost: 0, drive: null, signals: null, signalsFull: false,
   // of each device and model of the plant that is looked at: the ETag of these states, and the state of each signal by name
   values: new Map(),
 };
@@ -92,6 +92,7 @@ export async function loadDevices() {
   const away = new Map((found.unreachable || []).map(one => [one.shard, one]));
   const lost = farm.devices.filter(one => away.has(one.shard)).map(one => ({...one, connected: false, unreachable: away.get(one.shard)}));
   farm.devices = [...found.devices, ...lost];
+  farm.devicesAway = away.size > 0;
   farm.deviceByName = new Map(farm.devices.map(one => [one.name, one]));
   farm.devicesKnown = true;
   tell();
