@@ -229,6 +229,11 @@ def test_a_drive_without_supply_has_no_fault_no_words_and_no_voltage_while_its_m
     assert {name: of(samples, f"pnfarm_axis_{name}", drive="axis-01") for name in gone} == dict.fromkeys(gone, 0)
     assert all(of(before, f"pnfarm_axis_{name}", drive="axis-01") for name in gone if name != "fault_active")
     assert of(samples, "pnfarm_axis_velocity_rpm", drive="axis-01") > 1
+    # the API has the same
+    view = drive_snapshot(line.farm, station, line.world.now)
+    assert (view["fault"], view["faults"], view["zsw1"], view["stw1_bits"]) == (None, [], "0x0000", [])
+    assert (view["setpoint_rpm"], view["bus_volts"]) == (0, 0)
+    assert view["velocity_rpm"] > 1
 
 
 def test_lost_connection_is_counted_by_reason_and_its_reconnect_is_timed():

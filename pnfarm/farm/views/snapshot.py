@@ -92,9 +92,10 @@ def drive_snapshot(
     axis = station.handle.axis
     powered = station.powered
     state = int(axis.drive.state)
-    zsw1, stw1 = int(axis.profidrive.zsw1), int(axis.profidrive.stw1)
+    # without its supply a drive says nothing, and only its motor turns on
+    zsw1, stw1 = (int(axis.profidrive.zsw1), int(axis.profidrive.stw1)) if powered else (0, 0)
     telegram = station.store.telegram_number
-    codes = [int(code) & NUMBER_MASK for code in axis.faults.code if code]
+    codes = [int(code) & NUMBER_MASK for code in axis.faults.code if code and powered]
     connection = station.device.connection()
     exchanging = powered and connection is not None and connection.exchanging
     sent, suppressed, received = _frames(core, station)
@@ -136,15 +137,15 @@ def drive_snapshot(
         "last_fault": _last_fault(station),
         "neighbours": seen["neighbours"],
         "fault_counts": {fault_label(number): count for number, count in sorted(station.fault_counts.items())},
-        "warning": _fault(station, int(axis.warnings.code)) if axis.warnings.code else None,
-        "setpoint_rpm": _finite(axis.ramp.setpoint),
+        "warning": _fault(station, int(axis.warnings.code)) if axis.warnings.code and powered else None,
+        "setpoint_rpm": _finite(axis.ramp.setpoint) if powered else 0.0,
         "velocity_rpm": _finite(axis.motor.velocity),
         "position_revolutions": _finite(float(axis.motor.position) - float(axis.homing.origin)),
         "pitch_millimetres": station.model.pitch or None,
         "current_amperes": _finite(axis.motor.current),
         "following_error_revolutions": _finite(axis.positioning.following_error),
         "torque_newton_metres": _finite(axis.motor.torque),
-        "bus_volts": _finite(axis.supply.voltage),
+        "bus_volts": _finite(axis.supply.voltage) if powered else 0.0,
         "thermal_load": _finite(axis.motor.thermal_load),
         "signalling": seen["signalling"],
         "lamps": (
