@@ -152,7 +152,8 @@ def test_no_drive_loses_its_controller_over_a_hostile_client(lab, farm, drives):
     assert busy["rss"] - process["rss"] < 20_000_000
     # each drive has 16 streams, and one more that it refuses
     assert busy["files"] - process["files"] <= 17 * len(attacked)
-    farm.until(lambda now: now["files"] <= process["files"], "process")
+    # the socket by which the farm asks for a stranger's MAC address may be new, and stays
+    farm.until(lambda now: now["files"] <= process["files"] + 1, "process")
     assert farm.ask("process")["rss"] - process["rss"] < 20_000_000
 
 
