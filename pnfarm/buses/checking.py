@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from pnfarm.buses.bus import Bus
+from pnfarm.vocabulary.quoting import printable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -153,7 +154,7 @@ def place_text(slot: int, subslot: int | None = None) -> str:
 
 def readable(text: str) -> str:
     """A text from the wire without control characters, and without the blanks around it."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text.strip("\0 "))
+    return printable(text.strip("\0 "))
 
 
 def compare(

@@ -14,17 +14,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "console", "make_table", "number", "print_found", "print_json", "print_line", "print_next",
-    "print_section", "print_table", "printable", "seconds",
+    "print_section", "print_table", "seconds",
 ]  # fmt: skip
 
 _T = TypeVar("_T")
 #: Width where standard output is not a terminal: nothing is truncated.
 _UNBOUNDED = 10_000
-
-
-def printable(text: str) -> str:
-    """What a station says, without what would control a terminal or end a line."""
-    return text if text.isprintable() else "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def print_line(text: str = "") -> None:

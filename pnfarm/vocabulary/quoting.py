@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-__all__ = ["did_you_mean", "few_hints", "shortened", "shown"]
+__all__ = ["did_you_mean", "few_hints", "printable", "shortened", "shown"]
 
 #: A value longer than this is cut when a message quotes it.
 _SHOWN = 60
@@ -65,3 +65,8 @@ def shown(value: object) -> str:
         case _:
             text = str(value)
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+
+
+def printable(text: str) -> str:
+    """What a station says of itself, without what would control a terminal or end a line."""
+    return text if text.isprintable() else "".join(letter if letter.isprintable() else "?" for letter in text)

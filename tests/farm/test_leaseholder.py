@@ -63,6 +63,7 @@ class Rig:
     async def tell(self, *changes):
         self.database.told += changes
         self.database.news()
+        # the leaseholder's callback is the loop's next one
         await asyncio.sleep(0)
 
 

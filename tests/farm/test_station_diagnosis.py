@@ -58,7 +58,7 @@ def test_the_makers_form_carries_fault_and_warning() -> None:
 
 def test_a_diagnosis_disappears_as_it_appeared_even_if_the_form_changes_meanwhile() -> None:
     store, diagnosis = store_of(MSD), DiagnosisStore()
-    told = FaultDiagnosis(store, diagnosis)
+    told = FaultDiagnosis(store, diagnosis, 0, lambda _: True)
     store.set("P-1256", 1)
     told.raised(EXTERNAL)
     told.raised(EXTERNAL)

@@ -75,6 +75,7 @@ def test_a_client_that_goes_while_the_farm_is_busy_leaves_no_error_in_the_farms_
         carrier = Carrier(loop)
         loop.call_soon_threadsafe(busy.wait)
         gone = asyncio.create_task(carrier(lambda: done.append("gone")))
+        # it begins, and waits for the farm's loop, which is busy
         await asyncio.sleep(0)
         gone.cancel()
         await asyncio.wait([gone])

@@ -32,6 +32,7 @@ from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRe
 from pnfarm.protocols.profinet.gsdml.values import Numbers, emit_octets
 from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
 from pnfarm.protocols.profinet.wire.cm.iocr import IocrType
+from pnfarm.vocabulary.quoting import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -55,7 +56,7 @@ _U16 = 0xFFFF
 
 
 def _printable(text: str, most: int = 200) -> str:
-    return "".join(one if one.isprintable() else "?" for one in text.strip()[:most])
+    return printable(text.strip()[:most])
 
 
 def describe_seen(seen: SeenStation, device: SeenDevice, connections: Sequence[SeenConnection]) -> Gsdml:

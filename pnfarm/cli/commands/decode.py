@@ -13,7 +13,8 @@ import typer
 
 from pnfarm.buses import registry
 from pnfarm.errors import ConfigError
-from pnfarm.terminal.output import print_json, print_line, printable, seconds
+from pnfarm.terminal.output import print_json, print_line, seconds
+from pnfarm.vocabulary.quoting import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

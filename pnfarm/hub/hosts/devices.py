@@ -6,15 +6,13 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from fastapi import FastAPI, Request
-from starlette.responses import Response  # noqa: TC002 - FastAPI reads the annotations of handlers
+from fastapi import FastAPI
 
 from pnfarm.api.paths.devices import add_device
 from pnfarm.errors import ConfigError
 from pnfarm.hub.hosts.passing import Passing
-from pnfarm.hub.hub import passed_on, read, refusal
+from pnfarm.hub.hub import read, refusal
 from pnfarm.hub.merging import with_fault_ids
-from pnfarm.web.bodies import PREFIX, Json
 from pnfarm.web.paths import Paths
 
 if TYPE_CHECKING:
@@ -23,10 +21,6 @@ if TYPE_CHECKING:
     from pnfarm.hub.hub import Hub
 
 __all__ = ["HubDevices"]
-
-
-#: Slashes of the path of a device itself.
-DEVICE_STEPS = f"{PREFIX}/devices/name".count("/")
 
 
 class HubDevices(Passing):
@@ -57,12 +51,6 @@ class HubDevices(Passing):
         nobody: Any = None
         add_device(Paths(farm, "devices"), nobody)
         self.add(app, farm)
-
-    async def answer(self, request: Request) -> Response:
-        shard, answer = await self.asked(request)
-        if request.method == "GET" and answer.good and request.scope["path"].count("/") == DEVICE_STEPS:
-            return Json(with_fault_ids(shard, read(shard, answer, "name")))
-        return passed_on(answer)
 
     async def write(self, name: str, values: Mapping[str, Any], *, how: str = "value") -> dict[str, str]:
         """Write or force (``how``) signals of a device; those that somebody stronger has, and who.

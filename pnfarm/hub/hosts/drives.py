@@ -4,25 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from fastapi import FastAPI, Request
-from starlette.responses import Response  # noqa: TC002 - FastAPI reads the annotations of handlers
+from fastapi import FastAPI
 
 from pnfarm.api.app import add_one_drive
 from pnfarm.hub.hosts.passing import Passing
-from pnfarm.hub.hub import passed_on, read
 from pnfarm.hub.merging import joined_engine, unreachable_drive, with_fault_ids
 from pnfarm.hub.shards import AwayError
-from pnfarm.web.bodies import PREFIX, Json
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pnfarm.hub.hub import Hub
     from pnfarm.hub.shards import Shard
 
 __all__ = ["HubDrives"]
-
-
-#: Slashes of the path of a drive itself.
-DRIVE_STEPS = f"{PREFIX}/drives/name".count("/")
 
 
 class HubDrives(Passing):
@@ -82,14 +77,9 @@ class HubDrives(Passing):
         add_one_drive(farm, nobody, nobody)
         self.add(app, farm)
 
-    async def answer(self, request: Request) -> Response:
-        shard, answer = await self.asked(request)
-        if request.method == "GET" and answer.good and request.scope["path"].count("/") == DRIVE_STEPS:
-            return Json(self._shown(shard, read(shard, answer, "name")))
-        return passed_on(answer)
-
-    def _shown(self, shard: Shard, drive: dict[str, Any]) -> dict[str, Any]:
-        """A drive with its events by the hub's clock."""
-        if "events" in drive:
-            drive = {**drive, "events": [self._hub.entry(shard, entry) for entry in drive["events"]]}
-        return {**with_fault_ids(shard, drive), "shard": shard.label}
+    def shown(self, shard: Shard, view: Mapping[str, Any]) -> dict[str, Any]:
+        """With its events by the hub's clock."""
+        found = {**super().shown(shard, view), "shard": shard.label}
+        if "events" in view:
+            found["events"] = [self._hub.entry(shard, entry) for entry in view["events"]]
+        return found

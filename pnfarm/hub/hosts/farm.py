@@ -56,7 +56,7 @@ class HubItself:
         answers = await hub.ask_all("GET", "health", *Health.model_fields)
         good = answers.good
         worst = max(good, key=lambda shard: float(good[shard]["engine_late_seconds"]), default=None)
-        missing = [*hub.missing(answers).values()]
+        missing = list(hub.missing(answers).values())
         return {
             **joined_health(list(good.values())),
             "worst": "" if worst is None else worst.label,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
@@ -10,13 +10,14 @@ from starlette.responses import Response  # noqa: TC002 - FastAPI reads the anno
 
 from pnfarm.api.access.rights import role_of
 from pnfarm.api.changes import changes_nothing
-from pnfarm.hub.hub import passed_on
+from pnfarm.hub.hub import passed_on, read
+from pnfarm.hub.merging import with_fault_ids
 from pnfarm.hub.shards import AwayError, no_steps
-from pnfarm.web.bodies import PREFIX, read_object
+from pnfarm.web.bodies import PREFIX, Json, read_object
 from pnfarm.web.paths import ROLE_KEY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from fastapi import FastAPI
 
@@ -55,10 +56,18 @@ class Passing:
                 app.router.routes.append(route)
 
     async def answer(self, request: Request) -> Response:
-        """The shard's answer as it is."""
-        return passed_on((await self.asked(request))[1])
+        """The shard's answer as it is, but for what the drive or device itself is."""
+        shard, answer = await self._asked(request)
+        itself = request.scope["path"].count("/") == f"{PREFIX}/{self._below}".count("/")
+        if itself and request.method == "GET" and answer.good:
+            return Json(self.shown(shard, read(shard, answer, "name")))
+        return passed_on(answer)
 
-    async def asked(self, request: Request) -> tuple[Shard, Answer]:
+    def shown(self, shard: Shard, view: Mapping[str, Any]) -> dict[str, Any]:
+        """It as the hub shows it."""
+        return with_fault_ids(shard, view)
+
+    async def _asked(self, request: Request) -> tuple[Shard, Answer]:
         """The shard, and its answer.  Raises :class:`AwayError`."""
         name = str(request.path_params["name"])
         shard = self._owner(name)

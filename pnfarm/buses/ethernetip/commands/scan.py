@@ -160,7 +160,8 @@ def _device(one: Found) -> dict[str, Any]:
 
 
 def _print(devices: list[dict[str, Any]], interface: str) -> None:
-    from pnfarm.terminal.output import print_line, print_table, printable
+    from pnfarm.terminal.output import print_line, print_table
+    from pnfarm.vocabulary.quoting import printable
 
     if not devices:
         print_line(f"{interface}: no device answers to ListIdentity")

@@ -139,7 +139,8 @@ def _plan_described(
         # octets of DP-V1 say the base as well
         short = gsd.v1 and user and user[0] & V1Status1.WD_BASE_1MS
         if short and section.watchdog_ns > _SHORT_NS:
-            raise ConfigError(f"device {name}: its parameters have a watchdog in steps of 1 ms, which ends at 65.025 s")
+            most = format_duration(_SHORT_NS)
+            raise ConfigError(f"device {name}: its parameters have a watchdog in steps of 1 ms, which ends at {most}")
         factors = watchdog_factors(section.watchdog_ns, _MS if short else 10 * _MS)
     return DevicePlan(
         name=name,

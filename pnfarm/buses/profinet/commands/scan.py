@@ -24,7 +24,7 @@ async def search(question: Question) -> SearchAnswer:
     """Devices by DCP (name, type, addresses, ids, role), and neighbours at the wire's other end by LLDP."""
     from pnfarm.buses.profinet.controller.search import duplicate_names
     from pnfarm.buses.search import SearchAnswer
-    from pnfarm.terminal.output import printable
+    from pnfarm.vocabulary.quoting import printable
 
     answers, neighbours = await _listen(question.interface, question.seconds, question.neighbour_seconds)
     found = _join([_answer(event) for event in answers], [_heard(neighbour) for neighbour in neighbours])
@@ -33,7 +33,8 @@ async def search(question: Question) -> SearchAnswer:
 
 
 def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> None:
-    from pnfarm.terminal.output import print_line, print_table, printable
+    from pnfarm.terminal.output import print_line, print_table
+    from pnfarm.vocabulary.quoting import printable
 
     columns = ("NAME", "TYPE", "MAC", "IP", "VENDOR", "DEVICE", "~ROLE")
     rows = [

@@ -65,11 +65,7 @@ class FaultDiagnosis:
     __slots__ = ("_count", "_diagnosis", "_entries", "_shift", "_store", "_there")
 
     def __init__(
-        self,
-        store: ParameterStore,
-        diagnosis: DiagnosisStore,
-        shift: int = 0,
-        there: Callable[[ExpectedKey], bool] = lambda _: True,
+        self, store: ParameterStore, diagnosis: DiagnosisStore, shift: int, there: Callable[[ExpectedKey], bool]
     ) -> None:
         self._store = store
         self._diagnosis = diagnosis
