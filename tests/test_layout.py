@@ -61,3 +61,10 @@ def test_no_folder_has_more_modules_than_a_reader_takes_in():
     assert len(counts) > 50
     assert {name: count for name, count in counts.items() if count > MOST_MODULES and name not in LISTS} == {}
     assert counts.keys() >= LISTS
+
+
+def test_no_bits_of_the_wire_are_flags_that_keep_each_combination_for_ever():
+    """``IntFlag(value)`` keeps a member for each value that it ever had: with what others send, memory grows."""
+    kept = {"enum.IntFlag", "enum.Flag"}
+    users = {path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py") if imported(path) & kept}
+    assert users == {"protocols/profinet/records/directory.py"}, "whose combinations are those of its table"

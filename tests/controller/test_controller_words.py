@@ -13,11 +13,12 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     ApplicationReadyReceived,
     CmctlEvent,
     RecordRead,
+    RecordWriteDone,
 )
 from pnfarm.protocols.profinet.cm.controller.response import ModuleDeviation
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmNotification, AlarmType
 from pnfarm.protocols.profinet.wire.alarms.texts import alarm_in_words
-from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum, PacketType, emit_rpc, parse_rpc
+from pnfarm.protocols.profinet.wire.rpc.pdu import OK, Opnum, PacketType, emit_rpc, parse_rpc
 
 
 @pytest.fixture
@@ -61,6 +62,13 @@ def test_an_answer_without_any_octet_fails_the_record_in_words(line: VirtualLine
     ((_, end),) = line.plc.records
     assert end == RecordRead("t", None, reason="the answer has no readable PNIOStatus")
     assert line.plc.all_connected, "a record that failed ended the connection"
+
+
+def test_ends_of_records_that_nobody_waits_for_are_bounded(line: VirtualLine) -> None:
+    """Parameters that the controller writes anew after each plug alarm, for days."""
+    for number in range(1000):
+        line.plc.life.take(line.plc.sessions[0], RecordWriteDone(number, OK), line.world.now)
+    assert (len(line.plc.records), line.plc.records[-1][1].tag) == (64, 999)
 
 
 @pytest.mark.parametrize(

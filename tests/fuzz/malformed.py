@@ -134,7 +134,7 @@ def about_a_call(rng: Random, data: bytes, endpoint: tuple[UUID, UUID]) -> bytes
             body = CancelBody(rng.randrange(3)).emit(little_endian=pdu.little_endian)
             pdu = replace(pdu, packet_type=PacketType.CL_CANCEL, body=mutated(rng, body, [body]))
         case 2:
-            flags = rng.choice((Flags1(0), Flags1.LAST_FRAGMENT)) | rng.choice((Flags1(0), Flags1.NO_FACK))
+            flags = rng.choice((0, Flags1.LAST_FRAGMENT)) | rng.choice((0, Flags1.NO_FACK))
             number = rng.choice((0, 0, 1, 2, 0xFFFF))
             pdu = replace(pdu, flags1=int(Flags1.FRAGMENT | flags), fragment_number=number)
         case _:

@@ -233,7 +233,7 @@ class Master:
             return
         station.connection.ask(request, now)
 
-    def control(self, command: Control, groups: int = 0) -> None:
+    def control(self, command: int, groups: int = 0) -> None:
         """Send Global_Control to all slaves, or to groups of them."""
         self._control = GlobalControl(command, groups)
         if not groups:
@@ -441,10 +441,10 @@ class Master:
         return self._srd(station, Sap.SLAVE_DIAGNOSIS, Sap.MASTER, b"", Request.SRD_HIGH)
 
     def _parameters(self, plan: SlavePlan) -> Parameters:
-        status = PrmStatus.LOCK_REQ
-        status |= PrmStatus.WD_ON if plan.watchdog_factors else PrmStatus(0)
-        status |= PrmStatus.FREEZE_REQ if plan.freeze else PrmStatus(0)
-        status |= PrmStatus.SYNC_REQ if plan.sync else PrmStatus(0)
+        status: int = PrmStatus.LOCK_REQ
+        status |= PrmStatus.WD_ON if plan.watchdog_factors else 0
+        status |= PrmStatus.FREEZE_REQ if plan.freeze else 0
+        status |= PrmStatus.SYNC_REQ if plan.sync else 0
         return Parameters(
             status, plan.watchdog_factors or (0, 0), self.settings.min_tsdr_bits, plan.ident, plan.group, plan.user
         )
@@ -554,7 +554,7 @@ class Master:
         station.reason = ""
         self._events.append(ConnectionMade(station.plan.name))
         # slaves that begin in Clear take outputs from now on
-        self.control(Control.CLEAR_DATA if self.clear else Control(0))
+        self.control(Control.CLEAR_DATA if self.clear else 0)
 
     def _lose(self, station: Station, why: str, now: int) -> None:
         exchanged = station.state is SlaveState.DATA

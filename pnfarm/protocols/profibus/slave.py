@@ -81,7 +81,7 @@ _SDN: Final = frozenset({Request.SDN_LOW, Request.SDN_HIGH})
 _ASKS: Final = frozenset({REQUEST | Request.SRD_LOW, REQUEST | Request.SRD_HIGH})
 _ASKS_BITS: Final = REQUEST | 0x0F
 _SDA: Final = frozenset({Request.SDA_LOW, Request.SDA_HIGH})
-# Bits of a diagnosis as plain numbers: an answer is due at once, and an operator of flags takes a microsecond or more.
+# Bits of a diagnosis, looked up once: an answer is due at once.
 (
     _STATION_NOT_READY, _CFG_FAULT, _EXT_DIAG, _NOT_SUPPORTED, _PRM_FAULT, _PRM_REQ, _STAT_DIAG, _ALWAYS_1, _WD_ON,
     _FREEZE_MODE, _SYNC_MODE, _EXT_DIAG_OVERFLOW,

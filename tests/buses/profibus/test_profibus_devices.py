@@ -105,7 +105,7 @@ def test_outputs_are_zero_and_bad_while_the_master_is_in_clear_and_good_again_be
     cell.world.run(0.1)
     assert (cell.signals().get("clamp"), cell.signals().good("clamp")) == (False, False)
     assert cell.plc.all_connected
-    cell.plc.master.control(Control(0))
+    cell.plc.master.control(0)
     cell.world.run(0.1)
     assert (cell.signals().get("clamp"), cell.signals().good("clamp")) == (True, True)
 

@@ -194,7 +194,7 @@ def test_octets_of_set_prm_that_the_file_has_and_a_master_does_not_send_are_aske
             station = line._line.plc.master.stations[0]
             object.__setattr__(station.plan, "user", b"\x80\0\0")
             line.run(1.0)
-            assert (StationStatus.PRM_FAULT in station.diagnosis.status) == refused
+            assert bool(station.diagnosis.status & StationStatus.PRM_FAULT) == refused
             assert line.core.axis("a").device.connected != refused
 
 

@@ -90,7 +90,7 @@ def test_other_identifiers_are_refused(wrong: str):
     plc.station.plan = replace(plc.station.plan, identifiers=bytes.fromhex(wrong))
     plc.inject("ar-abort")
     plc.wait(1000)
-    assert StationStatus.CFG_FAULT in plc.station.diagnosis.status
+    assert plc.station.diagnosis.status & StationStatus.CFG_FAULT
     assert not plc.plc.all_connected
 
 
@@ -115,13 +115,14 @@ def test_a_fault_is_the_error_of_a_channel_with_its_class(fault: str, error: int
     plc.inject("drive-fault", fault=fault, hold=True)
     plc.wait(50)
     assert plc["ZSW1"] & 8
-    assert StationStatus.EXT_DIAG in plc.station.diagnosis.status
+    assert plc.station.diagnosis.status & StationStatus.EXT_DIAG
     assert [block.kind for block in plc.station.diagnosis.blocks()] == ["identifier", "channel"]
     assert plc.station.diagnosis.extended == bytes((0x42, 0x01, 0x80, 0xC0, error))
     plc.clear()
     plc.put(STW1=0x0480)
     plc.wait(50)
-    assert (plc.station.diagnosis.extended, StationStatus.EXT_DIAG in plc.station.diagnosis.status) == (b"", False)
+    diagnosis = plc.station.diagnosis
+    assert (diagnosis.extended, diagnosis.status & StationStatus.EXT_DIAG) == (b"", 0)
 
 
 def test_a_warning_is_no_diagnosis():

@@ -142,7 +142,7 @@ def test_identifiers_say_their_lengths():
 def test_a_diagnosis_is_read_in_blocks():
     octets = bytes.fromhex("08 0c 00 02 0b ad 0c 81 00 00 00 01 00 20 00 00 00 00")
     found = dp.Diagnosis.parse(octets)
-    assert dp.StationStatus.EXT_DIAG in found.status
+    assert found.status & dp.StationStatus.EXT_DIAG
     assert (found.master, found.ident) == (2, 0x0BAD)
     assert [block.octets for block in found.blocks()] == [octets[6:]]
     assert found.emit() == octets

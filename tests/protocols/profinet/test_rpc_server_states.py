@@ -224,7 +224,7 @@ def test_a_reply_is_sent_again_from_what_is_kept_while_other_clients_call():
 
 
 @pytest.mark.parametrize(
-    ("flags", "answered", "runs"), [(Flags1.IDEMPOTENT, [], 1), (Flags1(0), ["REJECT"], 0)], ids=["idempotent", "once"]
+    ("flags", "answered", "runs"), [(Flags1.IDEMPOTENT, [], 1), (0, ["REJECT"], 0)], ids=["idempotent", "once"]
 )
 def test_a_call_whose_reply_is_too_old_runs_again_only_if_its_client_allows(flags, answered, runs):
     device = server(reply_ns=10_000 * MS, resend_ns=10_000 * MS, fragment_tries=1)

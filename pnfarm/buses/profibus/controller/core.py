@@ -143,7 +143,7 @@ class ProfibusCore(DriveCore):
                     self._began_ns[name] = now
                 self.log.record(now, name, happened.ConnectionBroken(why) if exchanged else happened.ConnectFailed(why))
             case DiagnosisRead(diagnosis=diagnosis):
-                status = tuple(bit.name.lower() for bit in StationStatus if bit in diagnosis.status and bit.name)
+                status = tuple(bit.name.lower() for bit in StationStatus if diagnosis.status & bit)
                 self.log.record(now, name, happened.DiagnosisRead(status, diagnosis.extended.hex(" ")))
             case _:
                 pass

@@ -21,7 +21,7 @@ from pnfarm.protocols.profibus.wire.dp import (
 )
 
 if TYPE_CHECKING:
-    from enum import IntFlag
+    from enum import IntEnum
 
     from pnfarm.drives.description.model import Model
 
@@ -50,13 +50,13 @@ def models_with_identifiers(identifiers: bytes) -> list[tuple[str, int]]:
     ]
 
 
-def _flags(value: IntFlag) -> list[str]:
-    return [str(bit.name).lower().replace("_", " ") for bit in type(value) if bit in value]
+def _flags(value: int, bits: type[IntEnum]) -> list[str]:
+    return [bit.name.lower().replace("_", " ") for bit in bits if value & bit]
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Status bits, master, ident number, and the extended octets by blocks."""
-    bits = _flags(diagnosis.status & ~StationStatus.ALWAYS_1) or ["nothing to report"]
+    bits = _flags(diagnosis.status & ~StationStatus.ALWAYS_1, StationStatus) or ["nothing to report"]
     master = "no master" if diagnosis.master == NO_MASTER else f"master {diagnosis.master}"
     parts = [", ".join(bits), master, f"ident 0x{diagnosis.ident:04X}"]
     if not diagnosis.status & StationStatus.ALWAYS_1:
@@ -70,7 +70,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
 
 def parameters_text(parameters: Parameters) -> str:
     """What a Set_Prm asks for."""
-    bits = [bit for bit in _flags(parameters.status) if bit != "wd on"]
+    bits = [bit for bit in _flags(parameters.status, PrmStatus) if bit != "wd on"]
     watchdog = parameters.watchdog_ns()
     parts = [
         ", ".join(bits) or "neither lock nor unlock",
@@ -82,7 +82,7 @@ def parameters_text(parameters: Parameters) -> str:
         parts.append(f"groups 0x{parameters.group:02X}")
     if parameters.user:
         one, two, _ = parameters.v1
-        enabled = [*_flags(V1Status1(one)), *_flags(V1Status2(two))]
+        enabled = [*_flags(one, V1Status1), *_flags(two, V1Status2)]
         parts.append(f"user {parameters.user.hex(' ')}" + (f" ({', '.join(enabled)})" if enabled else ""))
     return "; ".join(parts)
 
@@ -104,9 +104,7 @@ def configuration_text(identifiers: bytes, described: Model | None) -> str:
 
 def control_text(control: GlobalControl) -> str:
     """Commands, and for whom."""
-    words = _flags(
-        control.command & (Control.CLEAR_DATA | Control.UNFREEZE | Control.FREEZE | Control.UNSYNC | Control.SYNC)
-    )
+    words = _flags(control.command, Control)
     whom = f"groups 0x{control.groups:02X}" if control.groups else "all slaves"
     return f"{', '.join(words) or 'operate'}; {whom}"
 

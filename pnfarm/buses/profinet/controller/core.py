@@ -47,6 +47,7 @@ from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
+    from collections import deque
     from collections.abc import Iterable
 
     from pnfarm.buses.controller import ControllerHost
@@ -194,8 +195,11 @@ class ProfinetCore(SessionCore[DeviceSession]):
         self.settle(now)
 
     @property
-    def records(self) -> list[tuple[int, RecordRead | RecordWriteDone]]:
-        """Ends of record accesses that a machine was asked for directly: (session index, event); drain them."""
+    def records(self) -> deque[tuple[int, RecordRead | RecordWriteDone]]:
+        """Latest ends of record accesses that are no job's: parameters after a plug, what a machine was asked directly.
+
+        Each is (session index, event).
+        """
         return self.life.records
 
     def touch(self, session: DeviceSession, now: int) -> None:

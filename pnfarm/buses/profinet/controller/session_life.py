@@ -47,6 +47,8 @@ LONGEST_ACTIVITY_TIMEOUT = 1000
 #: A drive's first cyclic frame must come within this time after the end of its parametrisation: devices send from
 #: Connect on.  One that does not has failed, however long its application may take.
 FIRST_DATA_NS = 2_000_000_000
+#: Ends of record accesses that are kept, see :attr:`ProfinetCore.records`.
+KEPT_RECORDS = 64
 #: Start-ups that are under way at once.  More of them take no less time, and answers that come late bring repetitions.
 STARTING = 128
 
@@ -87,7 +89,7 @@ class SessionLife(Life[DeviceSession]):
         self.jobs = RecordJobs(self.touch)
         self.identification = IdentificationReader(self.jobs, log, lambda: self.connecting > 0)
         #: See :attr:`ProfinetCore.records`.
-        self.records: list[tuple[int, RecordRead | RecordWriteDone]] = []
+        self.records: deque[tuple[int, RecordRead | RecordWriteDone]] = deque(maxlen=KEPT_RECORDS)
 
     def moved(self, session: DeviceSession, before: StrEnum) -> None:
         self.connecting += (session.state is SessionState.CONNECT) - (before is SessionState.CONNECT)

@@ -5,7 +5,7 @@ EN 50170 part 2, 8.3; the octets of DPV1 in Set_Prm: guideline 2.082.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from enum import IntEnum, IntFlag
+from enum import IntEnum
 from typing import Annotated, Final
 
 from pnfarm.errors import DecodeError
@@ -28,7 +28,7 @@ HEAD_OCTETS: Final = 6
 # -- Slave_Diag (8.3.1) -----------------------------------------------------------------------------------------------
 
 
-class StationStatus(IntFlag):
+class StationStatus(IntEnum):
     """Octets 1 to 3 of a diagnosis, the first one lowest."""
 
     STATION_NON_EXISTENT = 0x000001
@@ -62,15 +62,13 @@ class DiagnosisBlock:
 
 
 def _status_octets(status: int) -> bytes:
-    return int(status).to_bytes(3, "little")
+    return status.to_bytes(3, "little")
 
 
 class Diagnosis(Sized, sizes=range(6, MOST_DIAGNOSIS + 1), text="a diagnosis of {} octets"):
     """``extended``: octets behind the first six, blocks one after the other."""
 
-    status: Annotated[
-        StationStatus, Fixed("3s", lambda octets: StationStatus(int.from_bytes(octets, "little")), _status_octets)
-    ]
+    status: Annotated[int, Fixed("3s", lambda octets: int.from_bytes(octets, "little"), _status_octets)]
     master: UInt8
     ident: UInt16
     extended: Rest = b""
@@ -118,14 +116,14 @@ def join_diagnoses(several: Iterable[bytes], most: int) -> bytes:
 
 
 def diagnosis_octets(status: int, master: int, ident: int, extended: bytes) -> bytes:
-    """Those of a :class:`Diagnosis` for a slave, whose answer is due at once: operators of flags take microseconds."""
+    """Those of a :class:`Diagnosis` for a slave, whose answer is due at once."""
     return _status_octets(status) + bytes((master,)) + ident.to_bytes(2, "big") + extended
 
 
 # -- Set_Prm (8.3.3) --------------------------------------------------------------------------------------------------
 
 
-class PrmStatus(IntFlag):
+class PrmStatus(IntEnum):
     """Octet 1."""
 
     WD_ON = 0x08
@@ -135,7 +133,7 @@ class PrmStatus(IntFlag):
     LOCK_REQ = 0x80
 
 
-class V1Status1(IntFlag):
+class V1Status1(IntEnum):
     """DPV1_Status_1: octet 8."""
 
     WD_BASE_1MS = 0x04
@@ -144,7 +142,7 @@ class V1Status1(IntFlag):
     DPV1_ENABLE = 0x80
 
 
-class V1Status2(IntFlag):
+class V1Status2(IntEnum):
     """DPV1_Status_2: octet 9."""
 
     CHECK_CFG_MODE = 0x01
@@ -156,7 +154,7 @@ class V1Status2(IntFlag):
     PULL_PLUG_ALARM = 0x80
 
 
-class V1Status3(IntFlag):
+class V1Status3(IntEnum):
     """DPV1_Status_3: octet 10."""
 
     PRM_CMD = 0x08
@@ -169,7 +167,7 @@ class Parameters(Sized, sizes=range(7, 245), text="Set_Prm of {} octets"):
     ``factors``: of the watchdog; ``min_tsdr``: bits, 0 to leave it as it is.
     """
 
-    status: Annotated[PrmStatus, Fixed("B", PrmStatus, int)]
+    status: UInt8
     factors: tuple[UInt8, UInt8]
     min_tsdr: UInt8
     ident: UInt16
@@ -275,7 +273,7 @@ def parse_identifiers(data: bytes) -> list[Identifier]:
 # -- Global_Control (8.3.7) -------------------------------------------------------------------------------------------
 
 
-class Control(IntFlag):
+class Control(IntEnum):
     """Control_Command."""
 
     CLEAR_DATA = 0x02
@@ -288,7 +286,7 @@ class Control(IntFlag):
 class GlobalControl(Sized, sizes=range(2, 3), text="Global_Control of {} octets"):
     """``groups``: 0 for all slaves, else a bit for each of eight groups."""
 
-    command: Annotated[Control, Fixed("B", Control, int)]
+    command: UInt8
     groups: UInt8 = 0
 
 

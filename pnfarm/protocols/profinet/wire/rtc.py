@@ -5,7 +5,7 @@ The engine packs and unpacks them in compiled code (:mod:`pnfarm.engine.channels
 
 from __future__ import annotations
 
-from enum import IntFlag
+from enum import IntEnum
 
 __all__ = [
     "IOXS_BAD_BY_CONTROLLER",
@@ -26,7 +26,7 @@ IOXS_BAD_BY_DEVICE = 0x40
 IOXS_BAD_BY_CONTROLLER = 0x60
 
 
-class DataStatus(IntFlag):
+class DataStatus(IntEnum):
     """The octet that says how the whole frame's data are meant; bits 3 and 6 are reserved."""
 
     PRIMARY = 0x01

@@ -7,7 +7,7 @@ not decoded here.  An AlarmAck repeats type, place and specifier and adds a PNIO
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import IntFlag
+from enum import IntEnum
 from typing import Annotated, Any, Self
 
 from pnfarm.errors import DecodeError
@@ -84,7 +84,7 @@ _PROFILE_TYPES = range(0x0080, 0x0100)
 SEQUENCE_MASK = 0x07FF
 
 
-class AlarmSpecifier(IntFlag):
+class AlarmSpecifier(IntEnum):
     """The bits above the sequence number; bit 14 is reserved."""
 
     CHANNEL_DIAGNOSIS = 0x0800
@@ -209,11 +209,6 @@ class AlarmNotification(_Alarm, types=(ALARM_NOTIFICATION_HIGH, ALARM_NOTIFICATI
     items: Annotated[tuple[AlarmItem, ...], _Items()] = ()
     high: Outside[bool] = False
     version: Outside[int] = VERSION_1_0
-
-    @property
-    def flags(self) -> AlarmSpecifier:
-        """The named bits of the specifier."""
-        return AlarmSpecifier(self.specifier & 0xB800)
 
 
 class AlarmAck(_Alarm, types=(ALARM_ACK_HIGH, ALARM_ACK_LOW), inner=True):

@@ -9,7 +9,7 @@ big-endian always and stay opaque here.
 """
 
 import struct
-from enum import IntEnum, IntFlag
+from enum import IntEnum
 from typing import Final
 from uuid import UUID
 
@@ -94,7 +94,7 @@ class PacketType(IntEnum):
     CANCEL_ACK = 10
 
 
-class Flags1(IntFlag):
+class Flags1(IntEnum):
     """C706 12.5.2.3."""
 
     LAST_FRAGMENT = 0x02
@@ -105,7 +105,7 @@ class Flags1(IntFlag):
     BROADCAST = 0x40
 
 
-# as plain numbers, with which each PDU is compared: the operators of an IntFlag are functions in Python
+# with which each PDU is compared: looked up once
 _FRAGMENT = int(Flags1.FRAGMENT)
 _LAST_FRAGMENT = int(Flags1.LAST_FRAGMENT)
 _NO_FACK = int(Flags1.NO_FACK)
