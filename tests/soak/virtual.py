@@ -449,6 +449,8 @@ class VirtualRun:
             station.store.set(pnu, value)
             line.farm.settle(station.station, line.world.now)
         self.before.clear()
+        # a minute passes in it: a second station with a drive's address is gone, and still in the PLC's ARP table
+        line.plc.ip._neighbours.clear()
         back = self._bring_back(BACK_SECONDS)
         asked = self._ask_all()
         away = line.away()
