@@ -257,6 +257,18 @@ def test_a_repeated_sequence_count_keeps_the_connection_and_its_data_are_not_tak
     assert image.received[FIRST] == 6
 
 
+def test_the_first_packet_of_a_connection_repeats_none_whatever_its_count():
+    line = Line(multiplier=100)
+    tick(line.drive, 0, line.now)
+    consumer = line.drive.cpm[0]
+    for number in range(3):
+        # the row's own count is 0
+        line.give(packet(1 + number, number), wait=0.01)
+    assert (consumer.received, consumer.repeated) == (3, 0)
+    events = line.drive.events[: int(line.drive.engine[0].event_head)]
+    assert [int(event.value) for event in events if event.kind == engine_row.PROVIDER_CHANGED] == [1]
+
+
 def test_idle_makes_the_image_invalid_without_ending_the_connection():
     line = Line()
     line.run(0.05)

@@ -146,7 +146,6 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
             image.interval_ns = 0 if begins else arrival - consumer.last_ns
             image.frame_ns = arrival
         if begins:
-            consumer.state = RUN
             emit(engine, events, FIRST_FRAME, number, arrival, consumer.generation)
         else:
             measure_interval(engine, consumer, arrival, framing.elapsed(consumer, frame, length, data))
@@ -161,6 +160,8 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
             _pass_on(consumers, images, int(consumer.rider), frame, data, runs, arrival, interval)
         if consumer.pieces:
             take_pieces(consumer, pieces, stored, frame, data, runs)
+        # behind what compares a packet with the one before: a connection's first one has none
+        consumer.state = RUN
         consumer.iops = iops
         consumer.impaired = 0
         consumer.last_ns = arrival
