@@ -90,19 +90,20 @@ def _comes_through(columns: Columns, number: int, frame: Any, length: int, place
     if outcome >= HELD:
         # the gap that it leaves is not the controller's
         consumer.impaired += 1
-    if outcome == WAS_CHANGED and not _is_for(consumer, frame, length, place):
+    if outcome == WAS_CHANGED and _data_of(consumer, frame, length, place) == 0:
         engine.unknown += 1
         return False
     return bool(outcome < HELD)
 
 
 @inlined
-def _is_for(consumer: Any, frame: Any, length: int, place: int) -> bool:
-    """Whether a frame that was changed on its way is still one of this consumer."""
+def _data_of(consumer: Any, frame: Any, length: int, place: int) -> int:
+    """Where the data begin in a frame that was changed on its way; 0 where it is no longer one of this consumer."""
     if framing.locate(frame, length) != place or not framing.comes_from(consumer, frame):
-        return False
-    frame_id = framing.identity(frame, place)
-    return bool(frame_id == consumer.frame_id and mac_at(frame, 0) == consumer.destination)
+        return 0
+    if framing.identity(frame, place) != consumer.frame_id or mac_at(frame, 0) != consumer.destination:
+        return 0
+    return framing.fits(consumer, frame, length, place)
 
 
 @inlined
@@ -134,8 +135,8 @@ def _release_received(columns: Columns, until: int) -> None:
             continue
         frame = columns.frames[store + slot]
         length = int(item.length)
-        data = framing.fits(consumer, frame, length, int(item.place))
-        if data == 0 or not _is_for(consumer, frame, length, int(item.place)):
+        data = _data_of(consumer, frame, length, int(item.place))
+        if data == 0:
             engine.unknown += 1
             continue
         accept(

@@ -14,7 +14,7 @@ from pnfarm.engine.channels import class1
 from pnfarm.engine.channels.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
 from pnfarm.engine.channels.impairments import ImpairmentTable
 from pnfarm.engine.channels.schedule import ChannelTable
-from pnfarm.engine.columns import RX_BATCH, allocate
+from pnfarm.engine.columns import CHANGED_AT, RX_BATCH, allocate
 from pnfarm.engine.tick import next_due, receive, tick
 from pnfarm.engine.virtual import run_virtual
 from pnfarm.errors import InternalError
@@ -31,7 +31,7 @@ from pnfarm.table.channel import (
 )
 from pnfarm.table.compiling.compiled import IS_COMPILED
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
-from pnfarm.table.impairment import COUNTER_FREEZE, FRAME_ID, LENGTH, LOSS, PROVIDER_STOP
+from pnfarm.table.impairment import CORRUPT, COUNTER_FREEZE, FRAME_ID, LENGTH, LOSS, PROVIDER_STOP
 from pnfarm.table.signals import PART_HIGH, PART_LOW, word_code
 from pnfarm.wire.ipv4 import parse_ipv4
 from pnfarm.wire.mac import multicast_mac
@@ -411,6 +411,27 @@ def test_loss_on_the_way_in_is_not_the_controller_s_gap():
     line.run(0.2)
     consumer = line.drive.cpm[0]
     assert (consumer.discarded[DISCARD_IMPAIRED], consumer.missed) == (3, 0)
+
+
+def test_a_packet_whose_data_item_was_corrupted_on_its_way_in_is_not_taken():
+    line = Line(multiplier=100)
+    tick(line.drive, 0, line.now)
+    consumer = line.drive.cpm[0]
+    table = ImpairmentTable(line.drive)
+    table.channel_opened(0, "in", 0)
+    # checksums that hold, as of a damaged sender
+    table.add(0, "in", CORRUPT, settings={"amount": 1, "mends": 1})
+    item, changed = slice(56, 60), 0
+    for number in range(1, 400):
+        # whatever the last one's numbers were changed to
+        consumer.sequence = consumer.counter = number - 1
+        sent, before = packet(number, number), int(consumer.received)
+        line.give(sent, wait=0.01)
+        seen = line.drive.rx_octets[CHANGED_AT : CHANGED_AT + len(sent)].tobytes()
+        if seen[item] != sent[item]:
+            changed += 1
+            assert int(consumer.received) == before
+    assert changed > 5
 
 
 def test_frozen_sequences_expire_the_receiver_with_checksums_that_hold():
