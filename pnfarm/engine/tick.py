@@ -161,18 +161,21 @@ def _release_sent(
 
 
 @inlined
-def _release_ended(columns: Columns, now: int) -> None:
-    """Let frames go on whose impairment has ended."""
+def _release_ended(columns: Columns) -> None:
+    """Let frames go on whose impairment has ended, before what came since the last tick."""
     engine = columns.engine[0]
     engine.ended_seen = engine.ended
-    release_all(columns.held, columns.held_order[OUTWARD], int(engine.held_out), columns.impairment, now)
-    release_all(columns.held, columns.held_order[INWARD], int(engine.held_in), columns.impairment, now)
+    before = int(engine.now_ns)
+    release_all(columns.held, columns.held_order[OUTWARD], int(engine.held_out), columns.impairment, before)
+    release_all(columns.held, columns.held_order[INWARD], int(engine.held_in), columns.impairment, before)
 
 
 @inlined
 def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None:
     """Take ``count`` frames, which begin at ``places`` in ``octets``, or below 0 in the receive slots."""
     engine = columns.engine[0]
+    if engine.ended != engine.ended_seen:
+        _release_ended(columns)
     engine.received += count
     table = columns.lookup[engine.lookup]
     consumers = columns.cpm
@@ -443,7 +446,7 @@ def one_tick(columns: Columns, now: int) -> int:
     """One tick, after the frames that came in; returns how many frames to send."""
     engine = columns.engine[0]
     if engine.ended != engine.ended_seen:
-        _release_ended(columns, now)
+        _release_ended(columns)
     if engine.held_in > 0:
         _release_received(columns, now)
     _watch(engine, columns.cpm, columns.image, columns.consumed, columns.piece, columns.events, now)
@@ -490,9 +493,6 @@ def one_tick(columns: Columns, now: int) -> int:
 @compiled
 def tick(columns: Columns, count: int, now: int) -> int:
     """One whole tick with ``count`` received frames; returns how many frames to send."""
-    engine = columns.engine[0]
-    if engine.ended != engine.ended_seen:
-        _release_ended(columns, now)
     receive(columns, count)
     return one_tick(columns, now)
 

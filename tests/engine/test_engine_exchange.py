@@ -6,12 +6,13 @@ from bench_axis import MS
 from from_python import called
 from virtual_pair import Pair
 
+from pnfarm.engine.channels.impairments import ImpairmentTable
 from pnfarm.engine.channels.schedule import ChannelTable, ProviderPlan
 from pnfarm.engine.columns import allocate, lookup_find, lookup_rebuild
 from pnfarm.engine.tick import receive
 from pnfarm.errors import InternalError
-from pnfarm.table.channel import MAX_WORDS
-from pnfarm.table.impairment import DATA_INVALID, IOPS_BAD, LOSS, PROVIDER_STOP
+from pnfarm.table.channel import DISCARD_COUNTER, DISCARD_IMPAIRED, MAX_WORDS
+from pnfarm.table.impairment import DATA_INVALID, DELAY, DUPLICATE, IOPS_BAD, LOSS, PROVIDER_STOP, THROTTLE
 from pnfarm.table.program import FAULTED, RUNNING
 
 ALWAYS = 0xFFFFFFFF
@@ -131,6 +132,54 @@ def test_the_same_seed_loses_the_same_frames():
     first = lost()
     assert first[-1] > 0
     assert first == lost()
+
+
+@pytest.mark.parametrize("direction", ["in", "out"])
+def test_frames_that_a_delay_holds_come_before_the_next_one_when_it_ends(direction):
+    # a frame in each tick: also in the one that lets them go on
+    pair = Pair(hold=64)
+    pair.run(0.1)
+    table = ImpairmentTable(pair.farm)
+    table.channel_opened(0, direction, 0)
+    delay = table.add(0, direction, DELAY, settings={"delay_ns": 5 * MS})
+    pair.run(0.05)
+    receiver = pair.farm.cpm[0] if direction == "in" else pair.controller.cpm[0]
+    before = int(receiver.received)
+    assert table.waiting(delay) >= 4
+    table.remove(delay)
+    pair.run(0.01)
+    assert int(receiver.received) - before >= 14
+    assert receiver.discarded[DISCARD_COUNTER] == 0
+
+
+@pytest.mark.parametrize("direction", ["in", "out"])
+def test_a_frame_behind_the_end_of_a_slow_line_does_not_overtake_those_that_wait_there(direction):
+    pair = Pair(hold=64)
+    pair.run(0.1)
+    table = ImpairmentTable(pair.farm)
+    table.channel_opened(0, direction, 0)
+    # 64 octets and 24 on the line: 2.2 ms for each frame of 1 ms
+    slow = {"octet_ns": 25_000.0, "delay_ns": 100 * MS}
+    table.add(0, direction, THROTTLE, stop_ns=pair.now + 20 * MS, settings=slow)
+    pair.run(0.1)
+    receiver = pair.farm.cpm[0] if direction == "in" else pair.controller.cpm[0]
+    assert receiver.discarded[DISCARD_COUNTER] == 0
+
+
+@pytest.mark.parametrize("direction", ["in", "out"])
+def test_a_frame_that_waits_is_not_counted_as_lost_where_only_its_copies_find_no_room(direction):
+    pair = Pair(hold=200)
+    pair.run(0.1)
+    table = ImpairmentTable(pair.farm)
+    table.channel_opened(0, direction, 0)
+    table.add(0, direction, DELAY, settings={"delay_ns": 500 * MS})
+    pair.run(0.05)
+    engine = pair.farm.engine[0]
+    waiting = int(engine.held_in if direction == "in" else engine.held_out)
+    table.add(0, direction, DUPLICATE, count=1, settings={"amount": pair.farm.held_order.shape[1] - waiting})
+    pair.run(0.001)
+    lost = pair.farm.cpm[0].discarded[DISCARD_IMPAIRED] if direction == "in" else pair.farm.ppm[0].suppressed
+    assert lost == 0
 
 
 def test_provider_stop_reaches_the_controller_within_one_cycle_and_clears_with_it():

@@ -99,12 +99,12 @@ def take_first(held: Any, order: Any, count: int, impairments: Any) -> int:
 
 
 @inlined
-def release_all(held: Any, order: Any, count: int, impairments: Any, now: int) -> None:
-    """Frames whose impairment has ended are due at once, in their order."""
+def release_all(held: Any, order: Any, count: int, impairments: Any, before: int) -> None:
+    """Frames whose impairment has ended were due at a time ``before`` all new ones, in their order."""
     for i in range(count):
         item = held[order[i]]
         if item.impairment > 0 and impairments[item.impairment - 1].uses != item.uses:
-            item.due_ns = min(item.due_ns, now)
+            item.due_ns = min(item.due_ns, before)
     for i in range(count // 2 - 1, -1, -1):
         _sink(held, order, i, count)
 

@@ -176,9 +176,10 @@ def _change_life(impairments: Any, row: Any, frame: Any, place: int, now: int) -
 def _wait(impairments: Any, row: Any, due: int, length: int, cycle_ns: int, now: int) -> int:
     """When a frame that would go on at ``due`` does behind this row; -1 when it is lost."""
     if row.kind == THROTTLE:
-        if not _in_force(impairments, row, now):
-            return due
         starts = max(due, int(row.free_ns))
+        if not _in_force(impairments, row, now):
+            # behind those that wait
+            return starts
         if starts > due:
             _count(row, now)
         if starts - due > row.delay_ns:
@@ -284,11 +285,13 @@ def impair_received(
     if outcome == IS_LOST or (due == now and copies == 0):
         return outcome
     order = orders[INWARD]
-    for _ in range(copies + 1 if due > now else copies):
+    for copy in range(copies + 1 if due > now else copies):
         slot = free_slot(order, int(engine.held_in), 0)
         if slot < 0:
             impairments[owner - 1].overflows += 1
-            return IS_LOST if due > now else outcome
+            if due > now and copy == 0:
+                return IS_LOST
+            break
         copy_octets(frames[store + slot], frame, length)
         _hold(
             engine, impairments, held, order, int(engine.held_in), 0, slot, owner, due, number,
@@ -383,12 +386,14 @@ def impair_sent(
     whole = slot >= 0 or due > now
     if not whole and copies == 0:
         return GOES_ON
-    for _ in range(copies + 1 if whole else copies):
+    for copy in range(copies + 1 if whole else copies):
         slot = free_slot(order, int(engine.held_out), int(engine.busy_out))
         if slot < 0:
             if owner > 0:
                 impairments[owner - 1].overflows += 1
-            return IS_LOST if whole else GOES_ON
+            if whole and copy == 0:
+                return IS_LOST
+            break
         # the first one may be the copy that was changed, in its own slot
         copy_octets(frames[store + slot], frame, length)
         _hold(
