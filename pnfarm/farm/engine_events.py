@@ -66,8 +66,8 @@ class EngineEvents:
         head = self._head[0]
         size = self._columns.events.shape[0]
         touched: dict[int, Station] = {}
-        if head - self._tail > size:
-            lost = head - self._tail - size
+        lost = max(0, head - self._tail - size)
+        if lost:
             self.lost += lost
             self._log.record(now, "", EngineEventsLost(lost))
             self._tail = head - size
@@ -79,11 +79,17 @@ class EngineEvents:
             station = self._take(kind, row, when, value, now)
             if station is not None:
                 touched[station.index] = station
+        if lost:
+            # behind the reports that are left: these tell of faults, too
+            for axis in self._axes:
+                for number in axis.catch_up(now):
+                    self._log.record(now, axis.configured_name, FaultRaised(number))
         return list(touched.values())
 
     def _catch_up(self, now: int) -> dict[int, Station]:
-        """The ring overflowed: derive the events of connections and traces from the rows themselves."""
+        """The ring overflowed: derive the events of connections, traces and conditions from the rows themselves."""
         self._traces.catch_up(now)
+        self._injections.catch_up(now)
         stations = {station.index: station for station in self._stations.values()}
         for station in stations.values():
             station.device.catch_up(now)

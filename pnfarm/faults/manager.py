@@ -226,6 +226,11 @@ class InjectionManager:
         if drive is not None:
             self._dirty[drive] = None
 
+    def catch_up(self, now: int) -> None:
+        """Reports of the engine were lost: take from its rows which conditions held."""
+        if self._conditions is not None:
+            self._dirty.update(dict.fromkeys(self._conditions.catch_up(now)))
+
     def concern(self, name: str) -> bool:
         """Whether an injection on this drive waits or is in force: else the calls below do nothing."""
         return name in self._by_drive

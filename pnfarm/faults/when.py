@@ -99,6 +99,15 @@ class Conditions:
         watch.held_ns = now
         return watch.drive
 
+    def catch_up(self, now: int) -> list[str]:
+        """Reports of the engine were lost: the drives whose condition it saw hold, as its rows say."""
+        found = []
+        for row, watch in self._watches.items():
+            if watch.held_ns is None and self._conditions[row]["reported"] == watch.serial:
+                watch.held_ns = now
+                found.append(watch.drive)
+        return found
+
     @property
     def watched(self) -> int:
         """Rows in use."""

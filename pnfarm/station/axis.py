@@ -17,6 +17,7 @@ from pnfarm.drives.parameters.store import (
     TelegramChanged,
 )
 from pnfarm.errors import ConfigError
+from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.station.events import ParametersSaved
 from pnfarm.station.events import TelegramChanged as TelegramTaken
 from pnfarm.station.fault_memory import active_of, history_of, restore_history
@@ -72,6 +73,8 @@ class Axis:
         self._params = params
         self._motion_tasks = motion_tasks
         self.fault_counts: dict[int, int] = {}
+        #: Faults that were reported since all were acknowledged.
+        self._reported: set[int] = set()
         #: When it last ignored a request to acknowledge, because of an injection, ns; 0: never.
         self.refused_ns = 0
         self.store: ParameterStore
@@ -155,13 +158,27 @@ class Axis:
     def fault_raised(self, number: int, now: int) -> None:
         """It raised a fault: count it, store it, report it on the bus."""
         self.fault_counts[number] = self.fault_counts.get(number, 0) + 1
+        self._reported.add(number)
         self.device.fault_raised(self.number, number)
         self._keep_faults(now)
 
     def faults_cleared(self, now: int) -> None:
         """Every fault was acknowledged."""
+        self._reported.clear()
         self.device.faults_cleared(self.number)
         self._keep_faults(now)
+
+    def catch_up(self, now: int) -> list[int]:
+        """Reports of the engine were lost: take from the record what they said; faults that were not reported yet."""
+        if not self.powered:
+            return []
+        active = [int(code) & NUMBER_MASK for code in self.handle.axis.faults.code if code]
+        if not self._reported.issubset(active):
+            self.faults_cleared(now)
+        missed = [number for number in active if number not in self._reported]
+        for number in missed:
+            self.fault_raised(number, now)
+        return missed
 
     def raise_fault(self, wanted: str | int, *, hold: bool) -> int:
         """Raise a fault of the model by number, name or cause; with ``hold`` its cause stays.  Its number."""

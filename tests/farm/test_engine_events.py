@@ -7,6 +7,7 @@ from pathlib import Path
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.session import SessionState
+from pnfarm.station.events import FaultRaised
 from pnfarm.table.channel import W_START
 from pnfarm.table.engine_row import EVENTS, EXPIRED, TRACE_ENDED, emit
 from pnfarm.testing import Line
@@ -92,6 +93,46 @@ def test_a_trace_is_told_complete_once_although_the_ring_lost_its_reports(monkey
     line.run(0.1)
     told = [entry.event for entry in line.log.entries() if entry.event.startswith("trace")]
     assert told == ["trace triggered", "trace complete"]
+
+
+def test_an_injection_begins_although_the_ring_lost_the_report_of_its_condition(monkeypatch) -> None:
+    line = connected()
+    fields = {"kind": "f702", "on": "all", "when": "velocity > 2 and velocity < 55"}
+    fault = line.farm.injections.inject(fields, line.world.now)
+    with monkeypatch.context() as stalled:
+        # the event loop stands still until the condition holds no more
+        stalled.setattr(line.farm, "service", lambda now: None)
+        assert line.world.run(2.0, until=lambda: line.farm.columns.axis[0].motor.velocity > 58)
+        overrun(line.farm.columns)
+    line.farm.service(line.world.now)
+    line.run(0.01)
+    assert fault.state == "active"
+
+
+def test_faults_and_their_ends_reach_bus_and_memory_although_the_ring_lost_them(monkeypatch) -> None:
+    line = VirtualLine(1, model="profidrive")
+    line.connect()
+    line.run(0.5)
+    (axis,) = line.farm.axes
+    with monkeypatch.context() as stalled:
+        stalled.setattr(line.farm, "service", lambda now: None)
+        held = axis.raise_fault(min(axis.model.faults), hold=True)
+        line.run(0.02)
+        overrun(line.farm.columns)
+    line.farm.service(line.world.now)
+    assert axis.fault_counts == {held: 1}
+    assert axis.station.kept["faults"][0] == held
+    assert [entry.what.number for entry in line.log.entries() if isinstance(entry.what, FaultRaised)] == [held]
+    assert len(list(axis.device.cm.diagnosis)) == 1
+    with monkeypatch.context() as stalled:
+        stalled.setattr(line.farm, "service", lambda now: None)
+        axis.release_fault(held)
+        # the controller acknowledges it
+        assert line.world.run(2.0, until=lambda: not axis.handle.axis.faults.code[0])
+        overrun(line.farm.columns)
+    line.farm.service(line.world.now)
+    assert list(axis.device.cm.diagnosis) == []
+    assert axis.fault_counts == {held: 1}
 
 
 def test_a_report_of_the_trace_before_in_the_same_row_does_not_end_the_present_one() -> None:
