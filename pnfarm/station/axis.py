@@ -121,9 +121,11 @@ class Axis:
         """The supply returns."""
         # set points written by parameters are gone, too, and so is the reason why a controller's ended
         self.handle.image.received[:] = 0
+        self.handle.image.valid = 0
         self.handle.image.lost = LOST_NEVER
         self.handle.axis.powered = 1
         self.handle.push_command(CMD_POWER_ON)
+        self._reported.clear()
 
     def _raw(self, key: str, value: float | str | bool) -> int:
         """A parameter of the farm file as the raw number that the drive accepts."""

@@ -427,6 +427,15 @@ def test_p_0953_shows_a_bus_timeout_until_telegrams_come_again() -> None:
     assert store.get("P-0953") == 0
 
 
+def test_a_drive_that_was_switched_off_and_on_at_once_shows_no_bus_timeout() -> None:
+    line = running()
+    (station,) = line.farm.stations
+    station.power_cycle(line.world.now)
+    line.run(0.1)
+    assert not line.plc.all_connected
+    assert line.farm.axes[0].store.get("P-0953") == 0
+
+
 def test_p_0953_shows_that_the_watchdog_expired_before_the_connection_ended() -> None:
     line = MsdLine(params="{P-1283: 20}", watchdog=200)
     line.connect()
