@@ -163,11 +163,12 @@ def forget_placed(xdp: XdpSocket) -> None:
 def send_placed(xdp: XdpSocket) -> int:
     """Have the kernel send what was placed; returns how many frames it did not take.
 
-    Those leave when it takes frames again: an interface that was set down sends them when it is up, once.
+    Those leave when it takes frames again, once: an interface that was set down sends them when it is up.
     """
     placed = np.int64(xdp.placed[0])
     taken = np.int64(xdp.taken[0])
-    waiting = (placed - taken) & 0xFFFF_FFFF
+    # none was placed while older ones wait
+    waiting = (placed - np.int64(xdp.given[0])) & 0xFFFF_FFFF
     if waiting == 0:
         return 0
     release()
