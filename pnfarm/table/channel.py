@@ -211,7 +211,6 @@ CPM = Layout(
         Field(
             "first_hold_ns", "i8", "ns", "station", "how long the first frame is awaited, 0 = the station watches that"
         ),
-        Field("started_ns", "i8", "ns", "station", "when the row became active: the first frame is awaited from here"),
         Field("missed", "i8", "frames", "receive", "frames that the controller left out, by its cycle counter"),
         Field("expirations", "i8", "", "receive", "data hold timer ran out"),
         Field("discarded", "i8", "frames", "receive", "dropped frames by reason (DISCARDS)", (len(DISCARDS),)),
