@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import resource
 import socket
 import struct
 from ipaddress import IPv4Address, IPv4Interface
@@ -13,7 +14,7 @@ from typing import Self
 import pytest
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.links.base import PortSpec
+from pnfarm.links.base import LinkCounters, Port, PortSpec
 from pnfarm.links.kernel import sockets as kernel_sockets
 from pnfarm.links.kernel.interfaces import remove_leftovers_now
 from pnfarm.links.macvlan import MacvlanLink
@@ -417,3 +418,26 @@ def test_a_group_is_joined_on_the_station_s_own_interface_alone_until_it_leaves_
             assert echo.link.counters.dropped["no-address"] == 1
 
     asyncio.run(run())
+
+
+@pytest.mark.asyncio
+async def test_without_files_a_group_a_next_hop_and_a_stream_are_refused_and_nothing_raises(cable):
+    heard: list[object] = []
+    counters = LinkCounters()
+    carrier = kernel_sockets.KernelSockets(counters, own=False)
+    port = socket.if_nametoindex("lo")
+    carrier.open([Port("lo", port, bytes(6))])
+    carrier.set_user(lambda event, _now: heard.append(event))
+    carrier.serve(port, Services(IPv4Interface("127.0.0.1/8"), datagrams=(UDP,)))
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
+        carrier.join(port, IPv4Address("239.192.1.32"))
+        assert carrier.next_hop(port, IPv4Address("127.0.0.2")) is None
+        stream = carrier.connect(port, (IPv4Address("127.0.0.1"), TCP))
+        await asyncio.sleep(0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        carrier.close()
+    assert heard == [StreamClosed(port, stream)]
+    assert counters.dropped == {"group-emfile": 1, "connect-emfile": 1}

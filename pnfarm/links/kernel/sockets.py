@@ -296,9 +296,16 @@ class KernelSockets:
         host = self._hosts.get(port)
         if host is None:
             raise InternalError(f"port {port} has no address to open a stream from")
-        sock = self._socket(socket.SOCK_STREAM, host)
-        number = self._add(port, host, sock, peer, opening=True)
         loop = asyncio.get_running_loop()
+        try:
+            sock = self._socket(socket.SOCK_STREAM, host)
+        except OSError as exc:
+            # no file or memory left
+            self._counters.dropped[f"connect-{errno.errorcode.get(exc.errno or 0, 'failed').lower()}"] += 1
+            self._last += 1
+            loop.call_soon(self._tell, StreamClosed(port, self._last))
+            return self._last
+        number = self._add(port, host, sock, peer, opening=True)
         with contextlib.suppress(BlockingIOError):
             try:
                 sock.bind((str(host.services.address.ip), 0))
@@ -444,12 +451,14 @@ class KernelSockets:
             return
         if group in host.groups:
             return
-        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        request = _MEMBERSHIP.pack(group.packed, host.services.address.ip.packed, port)
+        sock: socket.socket | None = None
         try:
-            request = _MEMBERSHIP.pack(group.packed, host.services.address.ip.packed, port)
+            sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, request)
         except OSError as exc:
-            sock.close()
+            if sock is not None:
+                sock.close()
             self._counters.dropped[f"group-{errno.errorcode.get(exc.errno or 0, 'refused').lower()}"] += 1
             return
         host.groups[group] = sock
@@ -469,11 +478,11 @@ class KernelSockets:
             if services.gateway is None:
                 return None
             address = services.gateway
-        if self._asker is None:
-            self._asker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         request = struct.pack("=HH4s8s", socket.AF_INET, 0, address.packed, bytes(8)) + bytes(16 + 4 + 16)
         request += host.name.encode().ljust(16, b"\0")
         try:
+            if self._asker is None:
+                self._asker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             answer = fcntl.ioctl(self._asker, _SIOCGARP, request)
         except OSError:
             return None
