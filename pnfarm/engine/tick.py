@@ -273,11 +273,12 @@ def _watch(engine: Any, consumers: Any, images: Any, stored: Any, pieces: Any, e
         consumer = consumers[number]
         if consumer.active == 0:
             if consumer.state != IDLE:
-                consumer.state = IDLE
                 if consumer.fed or consumer.feeds:
                     _take_back(consumer, images[consumer.image])
                 if consumer.pieces:
                     spoil_pieces(consumer, pieces, stored)
+                # last: from here on the row may be another connection's
+                consumer.state = IDLE
         elif consumer.fed and not consumer.feeds:
             _take_back(consumer, images[consumer.image])
         elif consumer.state == IDLE:
@@ -501,7 +502,7 @@ def tick(columns: Columns, count: int, now: int) -> int:
 def next_step(columns: Columns, now: int) -> int:
     """When the next tick is due where nothing is sent by rows: as a drive steps, a trace or a condition is looked at.
 
-    On the grid of ``tick_ns``, by the farm's clock: one that drifts steps a tick later at the most.
+    On the grid of ``tick_ns``.  What a clock drifts in one step is neglected: its drive steps a tick later at the most.
     """
     engine, axes = columns.engine[0], columns.axis
     first = now + engine.tick_ns
@@ -509,8 +510,12 @@ def next_step(columns: Columns, now: int) -> int:
         first = now + LONGEST_STEP_NS
         for number in range(engine.axis_rows):
             axis = axes[number]
-            if axis.front != 0 and axis.last_ns + axis.step_ns < first:
-                first = axis.last_ns + axis.step_ns
+            if axis.front == 0:
+                continue
+            due = axis.last_ns + axis.step_ns
+            if axis.clock.settings.drift != 0.0:
+                due -= drive_time(axis.clock, now) - now
+            first = min(first, due)
     grid = engine.tick_ns
     return int(max((first + grid - 1) // grid, now // grid + 1) * grid)
 

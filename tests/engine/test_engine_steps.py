@@ -30,6 +30,15 @@ def test_a_drive_that_is_overdue_steps_at_the_next_place_of_the_grid():
     assert next_step(table(4 * MS, last=17 * MS), 17_300_000) == 21 * MS
 
 
+@pytest.mark.parametrize("drift", [50e-6, -50e-6])
+def test_a_drive_whose_clock_drifts_steps_as_often_after_ten_days(drift):
+    columns, now = table(MS), 864_000_000 * MS
+    axis = columns.axis[0]
+    axis.clock.settings.drift = drift
+    axis.last_ns = now + round(now * drift)
+    assert next_step(columns, now) == now + MS
+
+
 @pytest.mark.parametrize("rows", ["trace_rows", "condition_rows", "program_rows"])
 def test_what_is_looked_at_each_tick_keeps_the_ticks(rows):
     columns = table(4 * MS)
