@@ -171,6 +171,22 @@ def test_closing_a_channel_closes_its_riders_and_frees_its_pieces():
     assert [int(image.valid) for image in cell.farm.image] == [1] * AXES
 
 
+def test_pieces_of_a_channel_that_ends_within_a_tick_stay_until_a_whole_one_has_passed():
+    cell = Cell()
+    cell.run(0.02)
+    first, table = int(cell.farm.cpm[0].piece), cell.tables[0]
+    table.close_consumer(0)
+    # the end of a tick that looked at its row before
+    cell.farm.engine[0].cycles += 1
+    plan = ConsumerPlan(
+        image=0, port=1, destination=DRIVE, source=CONTROLLER, frame_id=0x8002, data_length=LENGTH,
+        send_clock_factor=32, reduction_ratio=1, data_hold_factor=3, words=(), iops=(), pieces=PIECES,
+    )  # fmt: skip
+    assert int(cell.farm.cpm[table.open_consumer(plan)].piece) != first
+    cell.run(0.002)
+    assert int(cell.farm.cpm[table.open_consumer(plan)].piece) == first
+
+
 def test_a_new_layout_moves_words_and_plain_data_of_an_open_channel():
     cell = Cell()
     cell.plc_outputs.write({0: b"abcd", 4: b"e"})

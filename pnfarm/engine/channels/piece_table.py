@@ -15,7 +15,7 @@ __all__ = ["PieceTable"]
 
 
 class PieceTable:
-    """The pieces of a channel are rows in sequence; those of a closed one are free when the engine has ticked again."""
+    """The pieces of a channel are rows in sequence; those of a closed one are free when a whole tick has passed."""
 
     def __init__(self, columns: Columns) -> None:
         self._columns = columns
@@ -31,7 +31,8 @@ class PieceTable:
     def put(self, row: Any, pieces: Sequence[Piece], plain: int, start: int) -> None:
         """Give a channel's row other pieces, of row ``plain``; ``start``: of the IO data, as its words count."""
         cycles = int(self._columns.engine[0]["cycles"])
-        self._release([entry for entry in self._left if entry[1] != cycles])
+        # the tick in which they were left may have looked at the channel before
+        self._release([entry for entry in self._left if cycles - entry[1] > 1])
         self.leave(row)
         # also of a channel without pieces yet: the station lays its frames out again
         row["pieces"], row["plain"] = 0, plain
