@@ -375,10 +375,12 @@ def find_signal(model: Model, name: str) -> DriveSignal | None:
 
 
 def find_parameter(model: Model, name: str) -> DriveSignal | None:
-    """A parameter by number or by the maker's name, as a signal; None if the model has none."""
+    """A parameter, or an element of one, by number or by the maker's name, as a signal; None if the model has none."""
     try:
-        parameter, _ = model.resolve(name)
+        parameter, element = model.resolve(name)
     except ParameterError:
+        return None
+    if element >= max(1, parameter.elements):
         return None
 
     def read(station: Axis) -> Value:

@@ -247,6 +247,8 @@ def test_power_off_is_a_condition_too(line):
         ("velocity > 3 bananas", "not measured in bananas"),
         ("1 == 1", "compares two values"),
         ('param("DRV.OPMODES") == 1', "has no parameter"),
+        ('param("DRV.OPMODE.1") == 1', "has no parameter"),
+        ("p947.64 == 1", "has no signal"),
         ("state == S9", "never"),
         ("fault == 99999", "has no fault"),
         ("a" * 1001, "characters"),
