@@ -11,6 +11,7 @@ import contextlib
 import os
 import threading
 import time
+from bisect import bisect_left
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,7 @@ from pnfarm.links.sockets import sockets_of
 from pnfarm.links.tap import TapLink
 from pnfarm.table.access.record_fields import field_views
 from pnfarm.table.compiling.compiled import direct
+from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
 if TYPE_CHECKING:
     import socket
@@ -315,7 +317,10 @@ class _LoopEngine:
         self._link = link
         self._guard = guard
         self._waiting = 0
-        self._event_head, self._lease_until = field_views(node.columns.engine[0], "event_head", "lease_until_ns")
+        self._event_head, self._lease_until, self._muted, self._lateness, self._late_sum, self._late_most = field_views(
+            node.columns.engine[0], "event_head", "lease_until_ns", "muted", "lateness", "lateness_sum_ns",
+            "lateness_max_ns",
+        )  # fmt: skip
         self._paced = not isinstance(link, TapLink)
         self._head = 0
         self._handle: asyncio.TimerHandle | None = None
@@ -348,6 +353,7 @@ class _LoopEngine:
         count, self._waiting = self._waiting, 0
         sent = tick(columns, count, now)
         if self._lease_until[0] and time.clock_gettime_ns(time.CLOCK_BOOTTIME) >= self._lease_until[0]:
+            self._muted[0] += sent
             return
         for i in range(sent):
             row = int(columns.tx_row[i])
@@ -356,8 +362,13 @@ class _LoopEngine:
 
     def _tick(self) -> None:
         now = time.monotonic_ns()
-        if self._due and now - self._due > LOOP_LATE_NS:
-            note_late(self._node.columns.engine[0], self._node.columns.late, self._due, now, 0)
+        if self._due:
+            late = max(0, now - self._due)
+            self._lateness[bisect_left(LATENESS_EDGES_NS, late)] += 1
+            self._late_sum[0] += late
+            self._late_most[0] = max(self._late_most[0], late)
+            if late > LOOP_LATE_NS:
+                note_late(self._node.columns.engine[0], self._node.columns.late, self._due, now, 0)
         self._advance(now)
         if self._event_head[0] != self._head:
             self._head = self._event_head[0]

@@ -6,19 +6,24 @@ import asyncio
 import socket
 import threading
 import time
+from bisect import bisect_left
+from types import SimpleNamespace
 
 import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device.events import ArAborted
+from pnfarm.engine.columns import allocate
 from pnfarm.engine.lateness import LATE_NS, LOOP_LATE_NS, note_late
 from pnfarm.engine.tick import tick
 from pnfarm.farm import realtime
 from pnfarm.farm.lateness import farm_budget_ns, farm_lateness
 from pnfarm.farm.views.snapshot import drive_snapshot
+from pnfarm.links.tap import TapLink
 from pnfarm.metrics import FarmCollector
 from pnfarm.station.events import WatchdogExpired
 from pnfarm.station.lateness import budget_ns
+from pnfarm.table.engine_row import LATENESS_EDGES_NS
 from pnfarm.table.late import LATE_ROWS
 
 MS = 1_000_000
@@ -243,3 +248,18 @@ def test_farm_is_never_late_in_virtual_time():
     line.run(30.0)
     own = farm_lateness(line.farm, 0, line.world.now)
     assert (own.worst_ns, own.stolen_ns, own.cause) == (0, 0, "controller")
+
+
+@pytest.mark.asyncio
+async def test_ticks_in_the_event_loop_are_counted_by_how_late_they_began():
+    columns = allocate(images=1, axes=1)
+    columns.engine[0].tick_ns = MS
+    node = SimpleNamespace(columns=columns, service=lambda now: None)
+    engine = realtime._LoopEngine(node, TapLink("line-1"), lambda action: action())
+    engine._due = time.monotonic_ns() - 5 * MS
+    engine._tick()
+    engine.stop()
+    row = columns.engine[0]
+    assert int(row.lateness[: bisect_left(LATENESS_EDGES_NS, 5 * MS)].sum()) == 0
+    assert int(row.lateness.sum()) == 1
+    assert int(row.lateness_sum_ns) == int(row.lateness_max_ns) >= 5 * MS
