@@ -256,6 +256,7 @@ class _Writer:
             _flag("MultipleWriteSupported", dap.multiple_write),
             _flag("IOXS_Required", dap.ioxs_required, default=True),
             ("AddressAssignment", None if dap.address_assignment == ("DCP",) else emit_tokens(dap.address_assignment)),
+            _number("RemoteApplicationTimeout", dap.application_seconds, 0),
             _number("MaxSupportedRecordSize", dap.max_record, 4068),
             _text("RequiredSchemaVersion", dap.required_schema_version, "V1.0"),
             _flag("SharedDeviceSupported", dap.shared_device),
