@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.errors import PnfarmError
-from pnfarm.table.axis_codes import COMMANDS
+from pnfarm.table.axis_codes import CMD_POWER_ON, COMMANDS
 
 __all__ = ["AxisHandle", "CommandRingFullError"]
 
@@ -32,17 +32,22 @@ class AxisHandle:
     def push_command(self, code: int, argument: int = 0) -> None:
         """Pass ``code`` (``CMD_*``) to the firmware; raises :class:`CommandRingFullError`.
 
-        The entry is written before the head moves, so that the engine never takes a half-written one.
+        One place is kept for the command that boots the drive; where it waits as the last one, once is enough.  The
+        entry is written before the head moves, so that the engine never takes a half-written one.
         """
         if not 0 <= code <= 0xFF:
             raise ValueError(f"command code {code} does not fit in an octet")
-        head = int(self.axis.commands.settings.head)
-        if (head - int(self.axis.commands.tail)) & 0xFFFFFFFF >= COMMANDS:
+        commands = self.axis.commands
+        head = int(commands.settings.head)
+        waiting = (head - int(commands.tail)) & 0xFFFFFFFF
+        if code == CMD_POWER_ON and waiting and int(commands.settings.ring[(head - 1) % COMMANDS]) == CMD_POWER_ON:
+            return
+        if code != CMD_POWER_ON and waiting >= COMMANDS - 1:
             raise CommandRingFullError(
-                "the drive has not taken its last 16 commands; it is off or the engine does not run"
+                f"the drive has not taken its last {COMMANDS - 1} commands; it is off or the engine does not run"
             )
-        self.axis.commands.settings.ring[head % COMMANDS] = code | argument << 8
-        self.axis.commands.settings.head = (head + 1) & 0xFFFFFFFF
+        commands.settings.ring[head % COMMANDS] = code | argument << 8
+        commands.settings.head = (head + 1) & 0xFFFFFFFF
 
     @property
     def in_operation(self) -> bool:

@@ -22,7 +22,7 @@ from pnfarm.drives.parameters.store import (
     RebootRequested,
 )
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_SET_POSITION, COMMANDS
+from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_POWER_ON, CMD_SET_POSITION, COMMANDS
 from pnfarm.table.image import IMAGE
 from pnfarm.table.signals import (
     ACTUAL_SLOTS,
@@ -423,14 +423,23 @@ def test_clearing_faults_and_setting_the_position_go_through_the_command_ring(ak
 
 def test_a_full_command_ring_refuses_instead_of_losing(akd: Drive) -> None:
     akd.axis.commands.settings.head = akd.axis.commands.tail = 0xFFFFFFFA
-    for n in range(COMMANDS):
+    for n in range(COMMANDS - 1):
         akd.store.handle.push_command(1, n)
-    assert akd.axis.commands.settings.head == (0xFFFFFFFA + COMMANDS) & 0xFFFFFFFF
+    assert akd.axis.commands.settings.head == (0xFFFFFFFA + COMMANDS - 1) & 0xFFFFFFFF
     with pytest.raises(CommandRingFullError):
         akd.store.handle.push_command(1)
     refused(E.OPERATING_STATE, lambda: akd.store.set("DRV.CLRFAULTS", 1))
     with pytest.raises(ValueError, match="octet"):
         akd.store.handle.push_command(256)
+
+
+def test_a_full_command_ring_has_room_for_the_command_that_boots_the_drive(akd: Drive) -> None:
+    for n in range(COMMANDS - 1):
+        akd.store.handle.push_command(1, n)
+    for _ in range(3):
+        akd.store.handle.push_command(CMD_POWER_ON)
+    assert akd.axis.commands.settings.head == COMMANDS
+    assert akd.axis.commands.settings.ring[COMMANDS - 1] == CMD_POWER_ON
 
 
 def test_reboot_and_blink_are_events(akd: Drive) -> None:

@@ -23,7 +23,7 @@ from akd_position import (
 )
 from hand_line import HandLine
 from parameter_requests import change_request
-from record_line import access, changing, reading, value_of
+from record_line import API, access, changing, reading, value_of
 from virtual_line import VirtualLine
 
 from pnfarm.drives.parameters.memory import VolatileMemory
@@ -520,6 +520,19 @@ def test_5_14_the_fault_counter_is_the_same_before_and_after_reading_the_buffer_
     line.run(0.05)
     assert value_of(line, 947, 0, 8) == (301, 0, 0, 0, 0, 0, 0, 0)
     assert value_of(line, 944) == (before[0] + 1,)
+
+
+def test_a_request_with_sixteen_commands_and_a_restart_restarts_the_drive():
+    line = HandLine()
+    clear, restart = ((ParameterAddress(pnu, 0, 1), ParameterValues(DWORD, (1,))) for pnu in (2112, 3013))
+    request = emit_request(change_request(1, [*[clear] * 16, restart]))
+    (session,) = line.plc.sessions
+    session.machine.write_record("write", API, 1, 1, 47, request)
+    line.plc.touch(session, line.world.now)
+    line.run(2.0)
+    assert line.farm.axes[0].powered
+    assert line.events("axis-01").count("power on") == 1
+    line.connect()
 
 
 def test_5_13_a_fault_sends_no_alarm():
