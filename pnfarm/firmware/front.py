@@ -28,7 +28,7 @@ def take_orders(axis: Any, image: Any, now: int, switched_on: bool) -> None:
     """Input, before the drive acts; ``switched_on``: the drive was switched on since the last step."""
     if axis.front == FIRMWARE_PROFIDRIVE:
         if switched_on:
-            profidrive.forget_words(axis)
+            profidrive.forget_words(axis, image)
         profidrive.take_words(axis, image, now)
     elif axis.front == FIRMWARE_ETHERNETIP:
         if switched_on:

@@ -10,7 +10,19 @@ from bench_axis import VELOCITY_STEP, BenchAxis
 from msd_bench import MsdBench
 
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.signals import ACT_CURRENT, ITIST_GLATT, NIST_A, NIST_B, XIST_A, XIST_ERROR, ZSW1
+from pnfarm.table.signals import (
+    ACT_CURRENT,
+    IAIST_GLATT,
+    ITIST_GLATT,
+    MIST_GLATT,
+    NIST_A,
+    NIST_A_GLATT,
+    NIST_B,
+    PIST_GLATT,
+    XIST_A,
+    XIST_ERROR,
+    ZSW1,
+)
 
 TARGET = 0x0100
 REACHED = 0x0400
@@ -120,3 +132,15 @@ def test_without_noise_nothing_is_drawn():
     bench = noisy(seed=0, velocity=2.0)
     assert len(set(seen(bench, NIST_A, 100))) <= 2
     assert int(bench.axis.measurement.noise) == 0
+
+
+def test_smoothed_values_begin_at_0_when_the_drive_is_switched_on():
+    bench = BenchAxis()
+    bench.axis.profidrive.settings.shows = 4
+    bench.axis.profidrive.settings.smoothing = 1.0
+    bench.enable(1000.0)
+    bench.run(2000)
+    assert bench.image.sent[NIST_A_GLATT] > 0.8 * bench.nist_a
+    bench.axis.motor.velocity = 0.0
+    bench.off_and_on(10)
+    assert [int(bench.image.sent[word]) for word in (NIST_A_GLATT, IAIST_GLATT, MIST_GLATT, PIST_GLATT)] == [0] * 4

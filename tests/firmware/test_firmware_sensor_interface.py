@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from bench_axis import BenchAxis
+from bench_axis import MS, BenchAxis
 
 from pnfarm.firmware.profidrive.sensor_interface import PRIORITY, TRANSITIONS
 from pnfarm.table.axis_codes import (
@@ -445,3 +445,18 @@ def test_a_drive_that_boots_has_no_request(sensor: SensorBench) -> None:
     assert sensor.zsw == 0
     sensor.run(150)
     assert sensor.ask(ABSOLUTE) == 0x2000
+
+
+@pytest.mark.parametrize("boots_ms", [0, 100])
+def test_a_power_cycle_ends_errors_and_functions_whether_the_drive_takes_time_to_boot_or_not(boots_ms: int) -> None:
+    bench = SensorBench()
+    bench.axis.boot_time_ns = boots_ms * MS
+    assert bench.ask(ACTIVATE | 0x4) == 0x0004
+    bench.off_and_on()
+    assert bench.zsw == 0
+    bench.run(boots_ms)
+    bench.write(0x0400)
+    assert bench.ask(SET_HOME) & ERROR
+    bench.off_and_on()
+    bench.run(boots_ms)
+    assert (bench.zsw & ERROR, bench.axis.sensor.state) == (0, 1)

@@ -3,7 +3,7 @@
 from itertools import product
 
 import pytest
-from bench_axis import BenchAxis
+from bench_axis import MS, BenchAxis
 from from_python import called
 
 from pnfarm.firmware.state_machine import PRIORITY, RELEASED, TRANSITIONS, advance, conditions
@@ -269,6 +269,20 @@ def test_power_on_boots_for_a_while_and_moves_the_open_situation_into_history():
     assert drive.axis.drive.state == 1
     assert not drive.zsw1 & 0x0008
     assert drive.axis.faults.buffer[8] == 501
+
+
+def test_a_frame_from_before_a_power_cycle_does_not_start_the_drives_own_watchdog():
+    drive = BenchAxis()
+    drive.axis.faults.settings.loss_delay_ns = 100 * MS
+    drive.write(0x047E)
+    drive.run(1, frame=True)
+    drive.image.frames += 1
+    drive.off_and_on()
+    drive.run(1000)
+    assert drive.axis.faults.code[0] == 0
+    drive.write(0x0400)
+    drive.run(150)
+    assert drive.axis.faults.code[0] & 0xFFFF == 702, "one that comes does"
 
 
 @pytest.mark.parametrize("row", sorted(TRANSITIONS), ids=str)

@@ -8,7 +8,7 @@ from stepping import run_steps
 
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.faults import take_commands  # noqa: F401 - re-exported for tests that drive it alone
-from pnfarm.table.axis_codes import COMMANDS, FIRMWARE_PROFIDRIVE, REACTION_QUICK_STOP
+from pnfarm.table.axis_codes import CMD_POWER_ON, COMMANDS, FIRMWARE_PROFIDRIVE, REACTION_QUICK_STOP
 from pnfarm.table.image import IMAGE, LOST_NEVER, LOST_NOT
 from pnfarm.table.signals import NIST_A, NSOLL_A, STW1, ZSW1
 
@@ -82,6 +82,17 @@ class BenchAxis:
         head = int(self.axis.commands.settings.head)
         self.axis.commands.settings.ring[head % COMMANDS] = code | argument << 8
         self.axis.commands.settings.head = head + 1
+
+    def off_and_on(self, milliseconds: int = 50) -> None:
+        """The supply goes, and with it the connection; it returns after so long, and the drive takes its first step."""
+        self.axis.powered = 0
+        self.image.valid = 0
+        self.run(milliseconds)
+        self.image.received[:] = 0
+        self.image.lost = LOST_NEVER
+        self.axis.powered = 1
+        self.command(CMD_POWER_ON)
+        self.run(1)
 
     def enable(self, rpm: float = 0.0) -> None:
         for word in (0x0470, 0x0476, 0x0477, 0x047F):

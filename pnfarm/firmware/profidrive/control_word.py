@@ -160,9 +160,10 @@ def take_control_word(axis: Any, image: Any, now: int) -> None:
 
 
 @inlined
-def forget_control_word(profidrive: Any) -> None:
-    """The drive was switched on: no word has been received yet."""
+def forget_control_word(profidrive: Any, image: Any) -> None:
+    """The drive was switched on: no word has been received yet, and frames from before do not count."""
     profidrive.stw1 = 0
     profidrive.stw1_seen = 0
     profidrive.image_valid = 0
     profidrive.telegram_ns = 0
+    profidrive.telegram_frames = image.frames

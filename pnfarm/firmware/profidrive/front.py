@@ -6,10 +6,10 @@ from typing import Any
 
 from pnfarm.firmware.motion.jog import take_jog_bits
 from pnfarm.firmware.profidrive.control_word import forget_control_word, take_control_word
-from pnfarm.firmware.profidrive.sensor_interface import ENCODER_1, ENCODER_2, step_sensor
+from pnfarm.firmware.profidrive.sensor_interface import ENCODER_1, ENCODER_2, forget_sensor, step_sensor
 from pnfarm.firmware.profidrive.setpoints import take_cyclic, take_jog_speeds, take_torque_limits
 from pnfarm.firmware.profidrive.sign_of_life import check_life
-from pnfarm.firmware.profidrive.smoothed import show_smoothed
+from pnfarm.firmware.profidrive.smoothed import forget_smoothed, show_smoothed
 from pnfarm.firmware.profidrive.status_msd import take_generator
 from pnfarm.firmware.profidrive.status_word import status_word
 from pnfarm.firmware.profidrive.tasks import take_task
@@ -24,11 +24,14 @@ SMOOTHED = 0x04
 
 
 @inlined
-def forget_words(axis: Any) -> None:
-    """The drive was switched on: reset everything known of the controller."""
-    forget_control_word(axis.profidrive)
+def forget_words(axis: Any, image: Any) -> None:
+    """The drive was switched on: reset everything known of the controller, and what the words show of before."""
+    forget_control_word(axis.profidrive, image)
     axis.asked.pos_stw2 = 0
     axis.life.sent = 0
+    forget_smoothed(axis.profidrive, int(axis.last_ns))
+    forget_sensor(axis.sensor)
+    forget_sensor(axis.sensor_2)
 
 
 @inlined

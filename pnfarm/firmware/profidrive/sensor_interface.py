@@ -35,7 +35,7 @@ from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.signals import G1_XIST1, G1_XIST2, G1_ZSW, G2_XIST1, G2_XIST2, G2_ZSW
 
-__all__ = ["ENCODER_1", "ENCODER_2", "PRIORITY", "TRANSITIONS", "step_sensor"]
+__all__ = ["ENCODER_1", "ENCODER_2", "PRIORITY", "TRANSITIONS", "forget_sensor", "step_sensor"]
 
 #: Slots of each encoder's status and positions; arrays, because indexing a tuple in compiled code copies it.
 ENCODER_1 = np.array((G1_ZSW, G1_XIST1, G1_XIST2), np.int64)
@@ -384,6 +384,15 @@ def _watch_encoder(faults: Any, sensor: Any) -> None:
 
 
 @inlined
+def forget_sensor(sensor: Any) -> None:
+    """The drive was switched on, or boots still: no request, no error."""
+    sensor.state = START
+    sensor.stw = 0
+    sensor.error = 0
+    _forget(sensor)
+
+
+@inlined
 def step_sensor(axis: Any, sensor: Any, image: Any, received: int, slots: Any) -> None:
     """Once in each firmware step, after the motor: carry out an encoder's control word, update status and positions.
 
@@ -399,10 +408,7 @@ def step_sensor(axis: Any, sensor: Any, image: Any, received: int, slots: Any) -
             )
         return
     if axis.drive.state == 0:
-        sensor.state = START
-        sensor.stw = 0
-        sensor.error = 0
-        _forget(sensor)
+        forget_sensor(sensor)
     before = int(sensor.stw)
     word = _control_word(axis.profidrive, sensor, received)
     sensor.stw = word

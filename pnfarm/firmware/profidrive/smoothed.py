@@ -9,15 +9,25 @@ from pnfarm.firmware.motor.measurement import measured_current, measured_torque,
 from pnfarm.firmware.motor.torque_limits import most_torque
 from pnfarm.firmware.profidrive.messages import namur_word
 from pnfarm.firmware.profidrive.telegram import clamp16, current_step, torque_step
-from pnfarm.table.compiling.compiled import compiled
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.signals import AIST_GLATT, IAIST_GLATT, M_ACT, MELD_NAMUR, MIST_GLATT, NIST_A_GLATT, PIST_GLATT
 
-__all__ = ["show_smoothed"]
+__all__ = ["forget_smoothed", "show_smoothed"]
 
 #: 100 % of a signal.
 WHOLE = 16384.0
 #: rad/s of one rpm.
 RPM = pi / 30.0
+
+
+@inlined
+def forget_smoothed(profidrive: Any, now: int) -> None:
+    """The drive was switched on: its filters begin at 0."""
+    profidrive.smoothed_ns = now
+    profidrive.smoothed_speed = 0.0
+    profidrive.smoothed_current = 0.0
+    profidrive.smoothed_torque = 0.0
+    profidrive.smoothed_power = 0.0
 
 
 @compiled
