@@ -194,6 +194,17 @@ def test_homing_that_cannot_succeed_ends_at_rest_without_a_home_position(method,
     assert not drive.axis.homing.homed
 
 
+def test_a_mode_that_the_telegram_changes_during_homing_counts_for_the_next_one():
+    drive = machine(1, 1)
+    drive.axis.profidrive.settings.home_signals = 1
+    drive.image.received[HOME_MODE] = 1
+    drive.stw(HOME, 100)
+    drive.image.received[HOME_MODE] = 99
+    assert home(drive) == pytest.approx(SWITCH, abs=STEP)
+    drive.stw(READY)
+    fail(drive)
+
+
 def test_a_search_without_end_ends_at_the_farthest_way():
     drive = machine(4, 1, parts=0)
     drive.axis.machine.settings.cam_inputs[0] = 0

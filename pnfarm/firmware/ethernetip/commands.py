@@ -295,8 +295,9 @@ def _prepare(axis: Any) -> None:
     axis.asked.renewed = 0
     axis.asked.override = axis.ramp.settings.speed_override
     axis.jog.asked = JOG_NONE
-    axis.homing.method_in_force = axis.homing.settings.method
-    axis.homing.distance_in_force = axis.homing.settings.distance
+    if axis.positioning.state != HOMING:
+        axis.homing.method_in_force = axis.homing.settings.method
+        axis.homing.distance_in_force = axis.homing.settings.distance
     axis.homing.brought = 0
     for direction in range(2):
         axis.torque.shares_in_force[direction] = axis.torque.settings.shares[direction]

@@ -6,6 +6,7 @@ from typing import Any
 
 from pnfarm.firmware.motion.jog import by_sequence, excluded
 from pnfarm.firmware.motion.motion_tasks import select_task
+from pnfarm.firmware.motion.positioning import HOMING
 from pnfarm.firmware.profidrive.position_control import (
     forget_position_words,
     take_first_position_word,
@@ -97,8 +98,13 @@ def _jog_asked(orders: Any, jog: Any, asked: Any, positioning: Any, stw1: int) -
 
 
 @inlined
-def _take_homing(profidrive: Any, homing: Any, image: Any, step: float) -> None:
-    """Homing method and distance of the telegram, where it has these signals (AKD PROFINET manual 5.11.7, 5.11.8)."""
+def _take_homing(profidrive: Any, positioning: Any, homing: Any, image: Any, step: float) -> None:
+    """Homing method and distance of the telegram, where it has these signals (AKD PROFINET manual 5.11.7, 5.11.8).
+
+    A homing that runs keeps those with which it began.
+    """
+    if positioning.state == HOMING:
+        return
     homing.method_in_force = homing.settings.method
     homing.distance_in_force = homing.settings.distance
     homing.brought = profidrive.settings.home_signals
@@ -311,7 +317,7 @@ def take_task(axis: Any, image: Any) -> None:
         if axis.profidrive.settings.target_step > 0.0
         else axis.travel.settings.position_step
     )
-    _take_homing(axis.profidrive, axis.homing, image, target_step)
+    _take_homing(axis.profidrive, axis.positioning, axis.homing, image, target_step)
     axis.asked.number = TASK_MDI
     _take_signals(axis, image, target_step)
     axis.commands.task = 0
