@@ -1,7 +1,8 @@
 """Direction of counting, relative to the shaft (AKD parameter reference, DRV.DIR).
 
 Positions, speeds and torques of the axis record are the drive's; the positions of the machine's parts and the load's
-torque on the shaft are the shaft's.  Reversing the direction changes the sign of the position and loses the home.
+torque on the shaft are the shaft's.  Reversing the direction changes the sign of the position, wherever it counts from,
+and loses the home.
 """
 
 from __future__ import annotations
@@ -29,5 +30,8 @@ def take_direction(axis: Any) -> None:
     axis.motor.measured_position = -axis.motor.measured_position
     axis.motor.encoder_low = -axis.motor.encoder_low
     axis.motor.velocity = -axis.motor.velocity
+    axis.homing.origin = -axis.homing.origin
+    axis.sensor.zero = -axis.sensor.zero
+    axis.sensor_2.zero = -axis.sensor_2.zero
     axis.homing.homed = 0
     axis.positioning.target_reached = 0

@@ -1,7 +1,7 @@
 """A drive that counts the other way than its shaft (AKD parameter reference, DRV.DIR)."""
 
 import pytest
-from positioner import HOMED, Positioner
+from positioner import HOME, HOMED, READY, Positioner
 
 from pnfarm.table.axis_codes import MACHINE_STOP_HIGH, MACHINE_SWITCH_HIGH
 
@@ -32,6 +32,18 @@ def test_turning_it_round_changes_the_sign_of_the_position_and_the_home_is_lost(
     drive.axis.direction.settings.reversed = 0
     drive.run(1)
     assert drive.place == pytest.approx(1.25, abs=2e-3)
+
+
+def test_a_position_that_counts_from_another_place_than_the_encoders_changes_its_sign_too():
+    drive = Positioner()
+    drive.axis.homing.settings.method, drive.axis.homing.settings.position = 0, 3.0
+    drive.stw(HOME, 5)
+    drive.stw(READY, 5)
+    assert drive.place == pytest.approx(3.0, abs=2e-3)
+    off(drive)
+    drive.axis.direction.settings.reversed = 1
+    drive.run(1)
+    assert drive.place == pytest.approx(-3.0, abs=2e-3)
 
 
 def test_it_waits_until_the_power_stage_is_off():
