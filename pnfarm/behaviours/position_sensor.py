@@ -33,7 +33,9 @@ def step_position_sensor(values: Any, memory: Any, seconds: float) -> None:
     bounce = memory[6]
     if wanted != contact:
         memory[7] = wanted
-        memory[8] = -bounce - (memory[4] if wanted != 0.0 else memory[5])
+        # what ends within its delay has not reached the output, which stays as it is
+        waits = -memory[8] > bounce + 0.5 * seconds
+        memory[8] = 0.0 if waits else -bounce - (memory[4] if wanted != 0.0 else memory[5])
     else:
         memory[8] = min(memory[8] + seconds, 0.0)
     left = -memory[8]

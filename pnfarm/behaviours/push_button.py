@@ -14,7 +14,7 @@ MOMENTARY, LATCHING = 0.0, 1.0
 
 @inlined
 def step_push_button(values: Any, memory: Any, _seconds: float) -> None:
-    """Ports: press, on, off.  Memory: action; press in the last step, begun."""
+    """Ports: press, on, off.  Memory: action; press in the last step."""
     pressed = values[0] != 0.0
     if memory[0] == LATCHING:
         if pressed and memory[1] == 0.0:

@@ -115,6 +115,29 @@ def test_a_contact_that_bounces_changes_in_each_step_and_settles():
     assert found == [True, False, True, False, True, True, True, True]
 
 
+def test_what_comes_and_goes_within_the_delay_makes_no_contact_bounce():
+    bench = PlantBench(
+        {"name": "s", "kind": "position-sensor", "from": 0, "to": 1, "delay_on": "20ms", "delay_off": "20ms",
+         "bounce": "4ms"}
+    )  # fmt: skip
+    found = set()
+    for place, steps in ((5.0, 50), (0.5, 10), (5.0, 50)):
+        bench["s.position"] = place
+        for _ in range(steps):
+            bench.step()
+            found.add(bench["s.on"])
+    assert found == {False}
+    bench["s.position"] = 0.5
+    bench.step(50)
+    found.clear()
+    for place, steps in ((5.0, 10), (0.5, 50)):
+        bench["s.position"] = place
+        for _ in range(steps):
+            bench.step()
+            found.add(bench["s.on"])
+    assert found == {True}
+
+
 def test_a_contact_that_nothing_moved_does_not_bounce_at_the_start():
     bench = PlantBench({"name": "s", "kind": "position-sensor", "from": 3, "to": 4, "bounce": "10ms"})
     for _ in range(30):
