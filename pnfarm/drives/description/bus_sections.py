@@ -63,8 +63,8 @@ def read_description_file(section: Section) -> DescriptionFile | None:
     except ValueError:
         raise section.wrong("date", f"{file.date!r} is not a date such as 20261121") from None
     for key, text in (("family", file.family), ("info_text", file.info_text)):
-        if not isinstance(text, str) or not text:
-            raise section.wrong(key, f"{text!r} is not a text")
+        if not isinstance(text, str) or not text or not text.isprintable():
+            raise section.wrong(key, f"{text!r} is not a text of one line")
     return file
 
 
