@@ -22,6 +22,7 @@ from pnfarm.farm.state.content import check_state, put_state, take_state
 from pnfarm.farm.state.files import StateFiles
 from pnfarm.farm.state.refused import RefusedStateError
 from pnfarm.farm.state.states import SavedStates
+from pnfarm.firmware.axis import AXIS
 from pnfarm.station.event_log import EventLog
 from pnfarm.testing import Line
 
@@ -557,6 +558,14 @@ def test_a_changed_state_is_refused_with_a_sentence_or_fits(cell, data):
         refused = str(exc)
     assert "\n" not in refused
     assert len(refused) < 1000
+
+
+def test_a_homing_mode_that_the_drive_does_not_have_is_not_saved_as_one_that_it_has():
+    rows = AXIS.allocate(1)
+    rows[0].homing.method_in_force = 99
+    (fields,) = axis_fields.fields_of(rows)
+    assert fields["homing.method_in_force"] == 99
+    assert axis_fields.check_fields(fields, "axis-1") == fields
 
 
 def _numbers(key):

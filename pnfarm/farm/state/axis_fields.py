@@ -61,8 +61,6 @@ _LIMITS: dict[str, tuple[int, int]] = {
     "positioning.task": (TASK_MDI, MOTION_TASKS - 1),
     "asked.number": (TASK_MDI, MOTION_TASKS - 1),
     "profile.tap_next": (0, JERK_TAPS - 1),
-    # the methods of firmware/motion/homing.py; any other number is an unknown one, which ends at once
-    "homing.method_in_force": (0, 15),
     "service.leg": (0, 2),
     "sensor.state": (0, sensor_interface.STATES - 1),
     "sensor_2.state": (0, sensor_interface.STATES - 1),
