@@ -49,6 +49,13 @@ def test_what_was_read_is_written_and_read_again_whether_it_is_known_or_not():
     assert parse_eds(octets) == eds
 
 
+def test_a_comment_of_several_lines_stays_a_comment():
+    eds = parse_eds(SHEET)
+    octets = emit_eds(eds, ["a note\nof two lines"])
+    assert octets.startswith(b"$ a note\r\n$ of two lines\r\n\r\n[File]\r\n")
+    assert parse_eds(octets) == eds
+
+
 @pytest.mark.parametrize(
     ("text", "why"),
     [

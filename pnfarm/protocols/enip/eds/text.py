@@ -240,7 +240,7 @@ def _unescaped(text: str) -> str:
 
 def emit_eds(eds: Eds, comments: Iterable[str] = ()) -> bytes:
     """A file with lines that end as on Windows, and ``comments`` above; names and words are written as they are."""
-    lines = [f"$ {comment}".rstrip() for comment in comments]
+    lines = [f"$ {line}".rstrip() for comment in comments for line in comment.splitlines() or [""]]
     for section in eds.sections:
         lines += ["", f"[{section.name}]"] if lines else [f"[{section.name}]"]
         for entry in section.entries:
