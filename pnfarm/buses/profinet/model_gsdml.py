@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MAU_100_FULL", "PNIO_VERSION", "SCHEMA_VERSION", "STATION", "Abilities", "describe_diagnosis",
-    "describe_model", "file_name",
+    "describe_model", "dns_name", "file_name",
 ]  # fmt: skip
 
 SCHEMA_VERSION = "V2.35"
@@ -80,6 +80,11 @@ class Abilities:
 
 #: The farm's drives.
 STATION = Abilities(protocols=("SNMP", "LLDP"))
+
+
+def dns_name(text: str) -> str:
+    """A name of a station made of any text; empty if nothing of it can be one."""
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:60].strip("-")
 
 
 def _hex(value: int) -> str:
@@ -286,7 +291,7 @@ def _dap(model: Model, description: DeviceDescription, abilities: Abilities, inf
         fixed_slots=Numbers.of([description.dap.slot]),
         min_device_interval=max(1, description.min_cycle_ns // SEND_CLOCK_NS),
         implementation_type="pnfarm",
-        dns_name=model.name,
+        dns_name=dns_name(model.name) or "drive",
         instance=description.instance,
         multiple_write=abilities.multiple_write,
         device_access=description.limits.max_device_access_ars > 0,

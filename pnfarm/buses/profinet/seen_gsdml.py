@@ -6,12 +6,11 @@ is an entry for each ident, or several where the same ident has other submodules
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.model_gsdml import MAU_100_FULL, PNIO_VERSION, SCHEMA_VERSION, STATION
+from pnfarm.buses.profinet.model_gsdml import MAU_100_FULL, PNIO_VERSION, SCHEMA_VERSION, STATION, dns_name
 from pnfarm.buses.profinet.seen_device import SYSTEM, is_interface
 from pnfarm.protocols.profinet.gsdml.document import (
     DEFAULT_RATIOS,
@@ -196,7 +195,7 @@ def _dap(head: SeenModule, slot: _Slot, name: str, connections: Sequence[SeenCon
         required_schema_version=PNIO_VERSION,
         min_device_interval=min(_U16, *(iocr.send_clock_factor * iocr.reduction_ratio for iocr in iocrs)) or 1,
         implementation_type="pnfarm",
-        dns_name=re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:60].strip("-") or "device",
+        dns_name=dns_name(name) or "device",
         multiple_write=STATION.multiple_write,
         ioxs_required=not any(
             one.properties & discards for connection in connections for api in connection.apis for one in api.submodules

@@ -415,6 +415,14 @@ def test_diagnosis_is_where_the_schema_has_it():
     assert [ref.get("ByteOffset") for ref in unit[1:]] == ["0", "2", "4"]
 
 
+@pytest.mark.parametrize(
+    ("name", "dns_name"), [("akd-profinet", "akd-profinet"), ("My_Servo 2", "my-servo-2"), ("+", "drive")]
+)
+def test_the_name_for_stations_is_one_that_a_station_can_have(name, dns_name):
+    (dap,) = describe_model(replace(model("akd-profinet"), name=name)).daps
+    assert dap.dns_name == dns_name
+
+
 def test_a_model_of_another_bus_or_without_texts_has_no_file():
     drive_model = model("akd-profinet")
     with pytest.raises(ConfigError, match="is a drive for profibus"):
