@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import floor
+from math import ceil, floor
 from typing import Any
 
 from pnfarm.behaviours.declaration import Behaviour, bit, duration, number, quantity
@@ -22,6 +22,8 @@ def step_position_sensor(values: Any, memory: Any, seconds: float) -> None:
     place = values[0]
     if period > 0.0:
         place = low + (place - low) - period * floor((place - low) / period)
+        if high < low:
+            high += period * ceil((low - high) / period)
     contact = memory[7]
     if contact == 0.0:
         inside = low <= place <= high
@@ -59,7 +61,7 @@ POSITION_SENSOR = Behaviour(
     outputs=(bit("on", "the sensor's output"),),
     parameters=(
         quantity("from", "where it begins"),
-        quantity("to", "where it ends"),
+        quantity("to", "where it ends; below `from` where it lies across the end of the period"),
         quantity("period", "it is there again each so far, 0 = once", default=0.0, low=0.0),
         quantity("hysteresis", "how far beyond the range it stays on", default=0.0, low=0.0),
         duration("delay_on", "from entering to on", default=0.0),

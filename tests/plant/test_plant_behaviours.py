@@ -103,6 +103,16 @@ def test_a_cam_is_there_again_each_period_also_backwards():
     assert found == [True, False, True, True, False, True, True, False]
 
 
+def test_a_cam_across_the_end_of_its_period_may_end_below_its_begin():
+    bench = PlantBench({"name": "s", "kind": "position-sensor", "from": 350, "to": 10, "period": 360, "hysteresis": 2})
+    found = []
+    for place in (180.0, 350.0, 359.0, 370.0, 371.0, 373.0, 349.0, 725.0, -5.0):
+        bench["s.position"] = place
+        bench.step()
+        found.append(bench["s.on"])
+    assert found == [False, True, True, True, True, False, False, True, True]
+
+
 def test_a_contact_that_bounces_changes_in_each_step_and_settles():
     bench = PlantBench({"name": "s", "kind": "position-sensor", "from": 0, "to": 1, "bounce": "4ms"})
     bench["s.position"] = 5.0
