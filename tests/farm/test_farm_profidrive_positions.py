@@ -123,6 +123,25 @@ def test_homing_on_the_fly_takes_the_place_of_the_probes_edge_while_the_axis_mov
     assert plc["ZSW1"] & HOMED
 
 
+def test_an_edge_without_control_by_the_plc_is_not_taken_behind_it_at_another_place():
+    plc = positioner()
+    plc.put(POS_STW2=FLYING)
+    assert start(plc, POS_STW1=MDI | SET_UP | FORWARDS)
+    plc.put(STW1=TASK | 0x0800, wait=100)
+    plc.put(STW1=TASK & ~0x0400 | 0x0800, wait=20)
+    before = plc["XIST_A"]
+    plc.inject("digital-input", input=0)
+    plc.wait(200)
+    plc.put(STW1=TASK | 0x0800, wait=20)
+    assert plc["XIST_A"] > before
+    assert plc["POS_ZSW1"] & 0x1000, "it waits for the next edge"
+    plc.clear()
+    plc.wait(20)
+    plc.inject("digital-input", input=0)
+    plc.wait(10)
+    assert 0 < plc["XIST_A"] < before
+
+
 def test_homing_on_the_fly_is_not_armed_without_operation():
     plc = positioner()
     plc.put(STW1=0x0406, wait=50)

@@ -287,6 +287,7 @@ def take_task(axis: Any, image: Any) -> None:
         # nothing of the telegram is accepted: the last request stays, and edges are ignored
         if image.valid:
             axis.asked.pos_stw2 = image.received[POS_STW2] & 0xFFFF
+        axis.homing.inputs = axis.machine.inputs
         _take_command(axis.commands, axis.asked, axis.motion_tasks)
         return
     axis.jog.asked = JOG_NONE
