@@ -205,19 +205,26 @@ def _raise_warning(warnings: Any, number: int) -> None:
 
 
 @inlined
-def _count_from_here(motor: Any, homing: Any, sensor: Any) -> None:
-    """Count of an encoder that is not absolute over all revolutions, at power-on (PROFIdrive 4.2, 6.3.6).
+def _begin_count(motor: Any, sensor: Any) -> bool:
+    """Count of an encoder at power-on, unless it is absolute over all revolutions (PROFIdrive 4.2, 6.3.6).
 
-    A singleturn encoder starts from its angle, an incremental one from 0; positions count from there too.
+    A singleturn encoder starts from its angle, an incremental one from 0.
     """
     known = sensor.settings.revolutions
-    if known == inf or homing.settings.stays:
+    if known == inf:
+        return False
+    sensor.zero = floor(motor.position / known) * known if known > 0.0 else motor.position
+    return True
+
+
+@inlined
+def _count_from_here(motor: Any, homing: Any, sensor: Any, sensor_2: Any) -> None:
+    """The encoders' counts at power-on; positions count from where encoder 1 does."""
+    if homing.settings.stays:
         return
-    if known > 0.0:
-        sensor.zero = floor(motor.position / known) * known
-    else:
-        sensor.zero = motor.position
-    homing.origin = sensor.zero
+    _begin_count(motor, sensor_2)
+    if _begin_count(motor, sensor):
+        homing.origin = sensor.zero
 
 
 @inlined
@@ -242,7 +249,7 @@ def _power_on(axis: Any, now: int) -> None:
     if not axis.homing.settings.stays:
         axis.homing.homed = 0
     axis.ramp.generator_left = 0
-    _count_from_here(axis.motor, axis.homing, axis.sensor)
+    _count_from_here(axis.motor, axis.homing, axis.sensor, axis.sensor_2)
     axis.positioning.target_reached = 0
     axis.positioning.task = 0
     axis.commands.task = 0

@@ -19,7 +19,7 @@ from pnfarm.table.axis_codes import (
     MARK_ZERO,
 )
 from pnfarm.table.image import LOST_EXPIRED
-from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW, STW1
+from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW, G2_XIST1, STW1
 
 STEP = 2.0**-20
 INPUT_5, INPUT_6 = 1 << 5, 1 << 6
@@ -445,6 +445,16 @@ def test_a_drive_that_boots_has_no_request(sensor: SensorBench) -> None:
     assert sensor.zsw == 0
     sensor.run(150)
     assert sensor.ask(ABSOLUTE) == 0x2000
+
+
+def test_encoder_2_counts_from_0_behind_a_power_cycle_as_encoder_1_does_if_both_are_incremental() -> None:
+    bench = SensorBench()
+    for sensor in (bench.axis.sensor, bench.axis.sensor_2):
+        sensor.settings.step, sensor.settings.revolutions = STEP, 0.0
+    bench.turn(0.5)
+    assert bench.image.sent[G2_XIST1] == bench.xist1 == round(0.5 / STEP)
+    bench.off_and_on()
+    assert bench.image.sent[G2_XIST1] == bench.xist1 == 0
 
 
 @pytest.mark.parametrize("boots_ms", [0, 100])
