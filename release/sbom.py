@@ -35,7 +35,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 #: The image, and ``locks/runtime.txt``, have these.
-EXTRAS = {"opcua", "postgres"}
+EXTRAS = {"opcua", "postgres", "tls"}
 #: Of serial numbers.
 SPACE = uuid.uuid5(uuid.NAMESPACE_DNS, "pnfarm")
 
