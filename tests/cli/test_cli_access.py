@@ -79,6 +79,8 @@ def test_a_token_is_added_listed_and_removed_and_its_secret_is_printed_once(pnfa
         (("add", "FILE", "ci", "--role", "root"), "--role 'root' is not a role; allowed: read, inject, admin"),
         (("add", "FILE", "ci", "--expires", "soon"), "--expires 'soon' is not a time; allowed: 30d"),
         (("add", "FILE", "ci", "--expires", "2020-01-31"), "--expires 2020-01-31 is over already"),
+        (("add", "FILE", "ci", "--expires", "0d"), "--expires 0d is over already"),
+        (("add", "FILE", "ci", "--expires", "9999-12-31T23:59:59-23:00"), "is not a time; allowed: 30d"),
         (("add", "FILE", "a b"), "'a b' is not a name"),
         (("list", "FILE"), "there is none; `pnfarm token add"),
         (("remove", "FILE", "ci"), "there is none; `pnfarm token add"),

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-__all__ = ["NEVER", "Holder", "TokenFile", "add_token", "digest_of", "read_tokens", "remove_tokens"]
+__all__ = ["NEVER", "Holder", "TokenFile", "add_token", "digest_of", "moment", "read_tokens", "remove_tokens"]
 
 #: Octets of the file, and tokens in it.
 MOST_OCTETS, MOST_TOKENS = 262_144, 1000
@@ -109,7 +109,7 @@ def _holder(words: list[str]) -> Holder:
     digest = _SECRET.fullmatch(secret)
     if digest is None:
         raise ValueError("the last word is not sha256: with 64 hexadecimal digits")
-    return Holder(name, Role(role), bytes.fromhex(digest[1]), _moment(until))
+    return Holder(name, Role(role), bytes.fromhex(digest[1]), moment(until))
 
 
 def check_name(name: str) -> None:
@@ -120,7 +120,8 @@ def check_name(name: str) -> None:
         raise ValueError(f"{name} is a name of pnfarm's own; give another one")
 
 
-def _moment(text: str) -> float | None:
+def moment(text: str) -> float | None:
+    """In seconds since 1970, None for never; raises :class:`ValueError`."""
     if text == NEVER:
         return None
     try:

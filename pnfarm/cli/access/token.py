@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import time
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -86,23 +85,26 @@ def remove(
 
 def _ends(text: str) -> float | None:
     """In seconds since 1970; raises :class:`ConfigError`."""
-    from pnfarm.api.access.token_file import NEVER
-    from pnfarm.vocabulary.durations import parse_duration
+    from pnfarm.api.access.token_file import moment
 
-    if text == NEVER:
-        return None
-    if (days := _DAYS.fullmatch(text)) is not None:
-        return float(int(time.time()) + int(days[1]) * 86_400)
+    now = int(time.time())
     try:
-        return float(int(time.time()) + parse_duration(text) // 1_000_000_000)
-    except ValueError:
-        pass  # a date, then
-    try:
-        found = datetime.fromisoformat(text)
+        ends = moment(text) if (left := _seconds(text)) is None else float(now + left)
     except ValueError as exc:
         allowed = "30d, 12h, 2027-01-31, 2027-01-31T12:00:00Z or never"
         raise ConfigError(f"--expires {text!r} is not a time; allowed: {allowed}") from exc
-    ends = (found if found.tzinfo is not None else found.replace(tzinfo=UTC)).timestamp()
-    if ends <= time.time():
+    if ends is not None and ends <= now:
         raise ConfigError(f"--expires {text} is over already")
     return ends
+
+
+def _seconds(text: str) -> int | None:
+    """Of a time from now; None for another text."""
+    from pnfarm.vocabulary.durations import parse_duration
+
+    if (days := _DAYS.fullmatch(text)) is not None:
+        return int(days[1]) * 86_400
+    try:
+        return parse_duration(text) // 1_000_000_000
+    except ValueError:
+        return None
