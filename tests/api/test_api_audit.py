@@ -10,10 +10,12 @@ import json
 import os
 import threading
 from functools import cached_property
+from types import SimpleNamespace
 
 import anyio
+import httpx
 import pytest
-from api_world import ApiWorld, assert_problem
+from api_world import BASE, ApiWorld, assert_problem
 
 from pnfarm.api.access import audit as audit_module
 from pnfarm.api.access.audit import FIRST, MOST_LINE, AuditLog, kept
@@ -155,23 +157,68 @@ def test_a_request_that_is_given_up_while_it_is_written_is_not_written_over(run,
     assert check_audit(run.file).wrong == []
 
 
-def test_what_a_silent_disk_takes_too_late_is_not_carried_out(run, monkeypatch):
-    sync, released = os.fdatasync, threading.Event()
+@pytest.fixture
+def silent(monkeypatch):
+    """A disk that does not answer until it is ``released``, and sets ``answered`` then."""
+    sync, found = os.fdatasync, SimpleNamespace(released=threading.Event(), answered=threading.Event())
 
     def slow(file):
-        assert released.wait(60)
+        found.released.wait(10)
         sync(file)
+        found.answered.set()
 
     monkeypatch.setattr(audit_module, "WAIT_SECONDS", 0.05)
     monkeypatch.setattr(audit_module.os, "fdatasync", slow)
-    timer = threading.Timer(0.2, released.set)
-    timer.start()
-    assert_problem(run.world.post(FAULTS, FAULT), 503, "nothing was changed", "the disk has not answered")
-    timer.join()
-    assert run.world.faults.list() == []
-    assert [(one["record"], one.get("status")) for one in run.records[1:]] == [("request", None), ("answer", 503)]
-    monkeypatch.undo()
-    assert run.world.post(FAULTS, FAULT).status_code == 201
+    yield found
+    found.released.set()
+
+
+def test_while_the_disk_is_silent_each_change_is_refused_and_what_it_takes_later_is_not_carried_out(
+    run, silent, monkeypatch
+):
+    world = run.world
+
+    async def main():
+        transport = httpx.ASGITransport(world.app)
+        async with httpx.AsyncClient(transport=transport, base_url=BASE) as client:
+            for _ in range(2):
+                answer = await client.post(FAULTS, json=FAULT)
+                assert_problem(answer, 503, "nothing was changed", "the disk has not answered")
+            assert not silent.answered.is_set()
+            assert world.faults.list() == []
+            monkeypatch.setattr(audit_module, "WAIT_SECONDS", 60.0)
+            silent.released.set()
+            assert (await client.post(FAULTS, json=FAULT)).status_code == 201
+
+    asyncio.run(main())
+    told = [(one["record"], one.get("of"), one.get("status")) for one in run.records[1:]]
+    refused = [("request", None, None), ("answer", 2, 503)]
+    assert told == [*refused, ("request", None, None), ("answer", 4, 201)]
+    assert check_audit(run.file).wrong == []
+
+
+def test_the_end_of_a_run_does_not_wait_for_a_silent_disk(run, silent):
+    asyncio.run(run.log.close())
+    assert not silent.answered.is_set()
+    # it has the files until the disk answers
+    with pytest.raises(EnvironmentError_, match="written by another process"):
+        AuditLog(run.file)
+
+
+def test_half_a_line_that_cannot_be_taken_back_at_once_is_gone_before_the_next(run, monkeypatch):
+    write = os.write
+
+    def full(file, data):
+        return write(file, data[:20]) if file == run.log._file else write(file, data)
+
+    def refuses(file, size):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(audit_module.os, "write", full)
+        patch.setattr(audit_module.os, "ftruncate", refuses)
+        assert run.ask().status_code == 503
+    assert run.ask().status_code == 200
     assert check_audit(run.file).wrong == []
 
 

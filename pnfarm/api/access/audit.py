@@ -24,6 +24,8 @@ it found the file.  What cannot be written is not done.
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import errno
 import fcntl
 import hashlib
@@ -33,11 +35,11 @@ import stat
 import threading
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
+from functools import partial
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import anyio
-import anyio.to_thread
 import structlog
 from starlette.requests import Request
 
@@ -49,7 +51,7 @@ from pnfarm.web.bodies import MAX_BODY, read_octets
 from pnfarm.web.errors import ClientGoneError, TooLargeError
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Mapping
+    from collections.abc import AsyncIterator, Callable, Mapping
     from pathlib import Path
 
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -61,7 +63,7 @@ FIRST = "0" * 64
 #: Octets of a line, and characters of what a client names in it, each of which may take six octets.
 MOST_LINE = 131_072
 MOST_TEXT = 2_000
-#: How long a request waits for the disk that others wait for.
+#: How long anybody waits for the disk.
 WAIT_SECONDS = 5.0
 #: Octets of the note of the end; in one sector, so that it is there as a whole or not at all.
 NOTE_OCTETS = 512
@@ -94,9 +96,10 @@ class AuditLog:
         self._note: int | None = None
         #: Answers that could not be written: they are the first to be, before any further request.
         self._owed: list[dict[str, Any]] = []
-        self._lock = anyio.Lock()
-        #: Held while octets are written: a request whose task was cancelled may write still.
-        self._writing = threading.Lock()
+        #: Held while a thread writes, also when nobody waits for it any more.
+        self._lock = asyncio.Lock()
+        #: Part of a line is behind the last record.
+        self._half = False
         was_there = path.exists()
         self._made = not was_there
         self._file = self._open(path)
@@ -133,14 +136,16 @@ class AuditLog:
         told("audit log begun", file=str(self.path), found=self.found, sequence=self._sequence, digest=self._digest)
 
     async def close(self) -> None:
-        """The last record of a run."""
+        """The last record of a run; a thread that still writes keeps the files until the process ends."""
         with anyio.CancelScope(shield=True):
             try:
                 await self._carefully({"record": "end"})
             except OSError as exc:
                 logger.warning("audit log not ended", file=str(self.path), reason=_why(exc))
-            logger.info("audit log ended", file=str(self.path), sequence=self._sequence, digest=self._digest)
-            self.release()
+            else:
+                logger.info("audit log ended", file=str(self.path), sequence=self._sequence, digest=self._digest)
+            if not self._lock.locked():
+                self.release()
 
     def release(self) -> None:
         """Close the files without a record; a log that was made now and has none is gone again."""
@@ -156,15 +161,9 @@ class AuditLog:
     async def request(self, fields: Mapping[str, Any]) -> int:
         """Write a request to the disk; its sequence number.
 
-        Raises :class:`OSError`, also for a disk that took too long: then the log has the refusal as its answer.
+        Raises :class:`OSError`, also for a disk that takes too long: if it is written then, so is its refusal.
         """
-        began = anyio.current_time()
-        number = await self._carefully({"record": "request", **fields})
-        if anyio.current_time() - began > WAIT_SECONDS:
-            # nobody expects a change so late
-            await self.answer(number, HTTPStatus.SERVICE_UNAVAILABLE)
-            raise _silent()
-        return number
+        return await self._carefully({"record": "request", **fields}, late=self._refused)
 
     async def answer(self, of: int, status: int) -> None:
         """Write how a request was answered, now or before the next request."""
@@ -173,26 +172,47 @@ class AuditLog:
             try:
                 await self._carefully(record)
             except OSError as exc:
-                self._owed.append(record)
                 logger.warning("audit log owes an answer", file=str(self.path), of=of, reason=_why(exc))
 
-    async def _carefully(self, record: dict[str, Any]) -> int:
+    def _refused(self, writing: asyncio.Future[int]) -> None:
+        """A request was written when nobody waited for it any more."""
+        if not writing.exception():
+            self._owed.append({"record": "answer", "of": writing.result(), "status": HTTPStatus.SERVICE_UNAVAILABLE})
+
+    async def _carefully(
+        self, record: dict[str, Any], late: Callable[[asyncio.Future[int]], None] | None = None
+    ) -> int:
+        """Write a record, in a thread, as the disk may not answer; ``late`` hears of one that took too long."""
+        until = anyio.current_time() + WAIT_SECONDS
         try:
-            with anyio.fail_after(WAIT_SECONDS):
+            async with asyncio.timeout_at(until):
                 await self._lock.acquire()
         except TimeoutError as exc:
+            self._owe(record)
             raise _silent() from exc
-        try:
-            return await anyio.to_thread.run_sync(self._append_all, record)
-        finally:
-            self._lock.release()
+        writing = _in_thread(partial(self._append_all, record))
+        writing.add_done_callback(partial(self._written, record))
+        done, _ = await asyncio.wait([writing], timeout=until - anyio.current_time())
+        if done:
+            return writing.result()
+        if late is not None:
+            writing.add_done_callback(late)
+        raise _silent()
+
+    def _written(self, record: dict[str, Any], writing: asyncio.Future[int]) -> None:
+        self._lock.release()
+        if writing.exception():
+            self._owe(record)
+
+    def _owe(self, record: dict[str, Any]) -> None:
+        if record["record"] == "answer":
+            self._owed.append(record)
 
     def _append_all(self, record: dict[str, Any]) -> int:
-        with self._writing:
-            while self._owed:
-                self._append(self._owed[0])
-                del self._owed[0]
-            return self._append(record)
+        while self._owed:
+            self._append(self._owed[0])
+            del self._owed[0]
+        return self._append(record)
 
     def _append(self, record: dict[str, Any]) -> int:
         """One line, whole or not at all; on the disk, but for answers, which the next record takes along."""
@@ -206,6 +226,8 @@ class AuditLog:
         if not self._is_in_place():
             # a record in a file that nobody finds is none
             raise OSError(errno.ESTALE, "the file is not in its place")
+        if self._half:
+            self._take_back()
         octets = (b"\n" if self._torn else b"") + line + b"\n"
         try:
             if os.write(self._file, octets) != len(octets):
@@ -213,8 +235,8 @@ class AuditLog:
             if record["record"] != "answer":
                 os.fdatasync(self._file)
         except OSError:
-            # what is there of the line is no record
-            os.ftruncate(self._file, self._size)
+            self._half = True
+            self._take_back()
             raise
         self._torn = False
         self._size += len(octets)
@@ -223,6 +245,11 @@ class AuditLog:
         if record["record"] != "answer":
             self._take_note()
         return self._sequence
+
+    def _take_back(self) -> None:
+        """What is there of a line is no record."""
+        os.ftruncate(self._file, self._size)
+        self._half = False
 
     # -- the file as it is found
 
@@ -317,6 +344,27 @@ class AuditLog:
             os.pwrite(self._note, text.encode().ljust(NOTE_OCTETS - 1) + b"\n", 0)
         except OSError as exc:
             logger.warning("end of the audit log not noted", file=str(self._note_path), reason=_why(exc))
+
+
+def _in_thread(work: Callable[[], int]) -> asyncio.Future[int]:
+    """The result of a call in a thread for which the end of the program does not wait."""
+    loop = asyncio.get_running_loop()
+    found: asyncio.Future[int] = loop.create_future()
+
+    def run() -> None:
+        try:
+            told = partial(found.set_result, work())
+        except BaseException as exc:  # noqa: BLE001 - for who waits
+            told = partial(found.set_exception, exc)
+        # the loop may have ended
+        with contextlib.suppress(RuntimeError):
+            loop.call_soon_threadsafe(told)
+
+    try:
+        threading.Thread(target=run, name="pnfarm-audit", daemon=True).start()
+    except RuntimeError as exc:
+        found.set_exception(OSError(errno.EAGAIN, str(exc)))
+    return found
 
 
 def _silent() -> OSError:
