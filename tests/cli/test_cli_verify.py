@@ -9,18 +9,20 @@ import subprocess
 from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from json_schema import wrongs
 
 import pnfarm as package
+from pnfarm.cli.commands import verify
 from pnfarm.cli.verify import wire
 from pnfarm.cli.verify.limits import CYCLES_NS, cycle_figures
 from pnfarm.cli.verify.machine import package as package_digest
 from pnfarm.cli.verify.report import Answer, Check, CycleFigures, Part, Verdict, report_schema
 from pnfarm.cli.verify.run import KNOWN, in_memory, on_wire
 from pnfarm.drives import catalogue
-from pnfarm.errors import EnvironmentError_
+from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.scenario.definition import file as scenario_file
 from pnfarm.scenario.own_farm import Outcome
 
@@ -214,6 +216,51 @@ def test_a_machine_without_a_private_network_is_reported_with_the_reason(monkeyp
     (reason,) = answer.left_out
     assert reason.startswith("wire and shortest cycle: ")
     assert reason.endswith("no namespace for you")
+
+
+@pytest.fixture
+def answered(monkeypatch):
+    """What the command takes from a process that said this and ended with this code, or never."""
+
+    def take(said: str, code: int | None) -> Answer:
+        def run(program: list[str], **_: Any) -> Any:
+            if code is None:
+                raise subprocess.TimeoutExpired(program, 300, said.encode() or None)
+            return subprocess.CompletedProcess(program, code, said.encode())
+
+        with monkeypatch.context() as patch:
+            patch.setattr(verify.subprocess, "run", run)
+            return verify._on_wire()
+
+    return take
+
+
+def test_a_wire_that_does_not_come_to_an_end_has_not_passed(pnfarm, found, answered):
+    answer = answered("", None)
+    assert answer.left_out == ["wire and shortest cycle: not at an end after 300 s"]
+    found(part(Verdict.PASSED), answer)
+    assert pnfarm("verify").code == 3
+
+
+@pytest.mark.parametrize(("code", "why"), [(None, "not at an end after 300 s"), (-9, "its process ended with code -9")])
+def test_the_part_on_the_wire_counts_also_if_the_limits_are_not_measured(answered, code, why):
+    failed = Answer(part=part(Verdict.FAILED))
+    answer = answered(f"{failed.model_dump_json()}\n", code)
+    assert (answer.part, answer.left_out) == (failed.part, [f"shortest cycle: {why}"])
+
+
+@pytest.mark.parametrize("error", [InternalError("16 stations did not connect"), FileNotFoundError(2, "none", "ip")])
+def test_limits_that_cannot_be_measured_leave_the_verdict_on_the_wire(monkeypatch, capsys, error):
+    def refuse() -> None:
+        raise error
+
+    for name in ("enter_private_line", "create_cable"):
+        monkeypatch.setattr(wire, name, lambda near, far: None)
+    monkeypatch.setattr(wire, "_known_farm", lambda: part(Verdict.FAILED))
+    monkeypatch.setattr(wire, "_cycles", refuse)
+    assert wire.main() == 0
+    answer = Answer.model_validate_json(capsys.readouterr().out.splitlines()[-1])
+    assert (answer.part, answer.left_out) == (part(Verdict.FAILED), [f"shortest cycle: {error}"])
 
 
 def test_the_shortest_cycle_is_shown_beside_the_floor_and_the_load_of_others(pnfarm, found):

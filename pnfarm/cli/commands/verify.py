@@ -84,7 +84,7 @@ def _report(*, quick: bool) -> Report:
     import anyio
 
     from pnfarm.cli.verify import machine
-    from pnfarm.cli.verify.report import Finding, Report, worst
+    from pnfarm.cli.verify.report import Answer, Finding, Report, Verdict, worst
     from pnfarm.cli.verify.run import in_memory
     from pnfarm.farm.doctor.machine import examine
     from pnfarm.table.compiling.compiled import IS_COMPILED
@@ -92,6 +92,7 @@ def _report(*, quick: bool) -> Report:
     date = datetime.now(UTC).isoformat(timespec="seconds")
     _say("memory: the known farm in virtual time")
     parts, limits, left_out = [anyio.run(in_memory)], None, []
+    answer = Answer()
     if quick:
         left_out.append("wire and limits: --quick")
     else:
@@ -104,7 +105,7 @@ def _report(*, quick: bool) -> Report:
         left_out = [*answer.left_out, *missing]
     return Report(
         date=date,
-        verdict=worst(part.verdict for part in parts),
+        verdict=worst([*(part.verdict for part in parts), *([] if answer.ended else [Verdict.INCONCLUSIVE])]),
         versions=machine.versions(),
         package=machine.package(),
         host=machine.host(),
@@ -122,18 +123,22 @@ def _say(what: str) -> None:
 
 
 def _on_wire() -> Answer:
-    """What a process with a network of its own found."""
+    """What a process with a network of its own found, as far as it came."""
     from pnfarm.cli.verify.report import Answer
 
+    program = [sys.executable, "-m", "pnfarm.cli.verify.wire"]
     try:
-        run = subprocess.run(
-            [sys.executable, "-m", "pnfarm.cli.verify.wire"], stdout=subprocess.PIPE, timeout=WIRE_SECONDS, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return Answer(left_out=[f"wire and shortest cycle: not at an end after {WIRE_SECONDS:.0f} s"])
-    if run.returncode != 0:
-        raise InternalError(f"the process with a network of its own ended with code {run.returncode}")
-    return Answer.model_validate_json(run.stdout)
+        run = subprocess.run(program, stdout=subprocess.PIPE, timeout=WIRE_SECONDS, check=False)
+    except subprocess.TimeoutExpired as exc:
+        said, why = exc.stdout or b"", f"not at an end after {WIRE_SECONDS:g} s"
+        if not said:
+            return Answer(ended=False, left_out=[f"wire and shortest cycle: {why}"])
+    else:
+        said, why = run.stdout, f"its process ended with code {run.returncode}" if run.returncode else ""
+        if not said:
+            raise InternalError(f"the process with a network of its own ended with code {run.returncode}")
+    answer = Answer.model_validate_json(said.splitlines()[-1])
+    return answer.model_copy(update={"left_out": [f"shortest cycle: {why}"]}) if why else answer
 
 
 # -- for people

@@ -151,9 +151,13 @@ class Finding(_Entry):
 
 
 class Answer(_Entry):
-    """What a process with a network of its own found; ``left_out`` says what was not measured, and why."""
+    """What a process with a network of its own found; ``left_out`` says what was not measured, and why.
+
+    ``ended``: its part came to an end, or is not possible on this machine.
+    """
 
     part: Part | None = None
+    ended: bool = True
     cycles: list[CycleFigures] = []
     left_out: list[str] = []
 
@@ -164,7 +168,9 @@ class Report(_Entry):
     report: Literal["pnfarm verify"] = "pnfarm verify"
     version: Annotated[Literal[1], Field(description="Of this schema.")] = 1
     date: str = Field(description="Begin, ISO 8601, UTC.")
-    verdict: Verdict = Field(description="passed, failed or inconclusive: the worst part.")
+    verdict: Verdict = Field(
+        description="passed, failed or inconclusive: the worst part; inconclusive also if the wire's did not end."
+    )
     versions: Versions
     package: Package
     host: Host

@@ -1,12 +1,13 @@
 """The parts of ``pnfarm verify`` that need a network of their own: ``python -m pnfarm.cli.verify.wire [--no-limits]``.
 
 A process of its own, because it enters a private namespace before any thread exists.  Says on standard error what it
-does, and prints one JSON object (:class:`.report.Answer`).
+does, and prints JSON (:class:`.report.Answer`): a line with the known farm's part, then one with the limits as well.
 """
 
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -30,25 +31,32 @@ NO_LIMITS = "--no-limits"
 
 def main() -> int:
     """See the module's docstring."""
-    part: Part | None = None
-    cycles: list[CycleFigures] = []
-    left_out: list[str] = []
     sys.stderr.write("wire: the known farm over a veth pair, in real time\n")
     try:
         enter_private_line(NEAR, FAR)
         create_cable(NEAR, FAR)
         part = _known_farm()
-        if NO_LIMITS not in sys.argv:
-            cycles, left_out = _cycles()
     except EnvironmentError_ as exc:
-        left_out = [f"{'wire and ' if part is None else ''}shortest cycle: {exc}"]
+        _print(Answer(left_out=[f"wire and shortest cycle: {exc}"]))
+        return 0
     except PnfarmError as exc:
         return report(exc)
     except KeyboardInterrupt:
         # the command, which gets the signal too, reports it
         return 130
-    sys.stdout.write(Answer(part=part, cycles=cycles, left_out=left_out).model_dump_json())
+    _print(Answer(part=part))
+    if NO_LIMITS not in sys.argv:
+        try:
+            cycles, left_out = _cycles()
+        except (PnfarmError, OSError, subprocess.SubprocessError) as exc:
+            cycles, left_out = [], [f"shortest cycle: {exc}"]
+        _print(Answer(part=part, cycles=cycles, left_out=left_out))
     return 0
+
+
+def _print(answer: Answer) -> None:
+    sys.stdout.write(answer.model_dump_json() + "\n")
+    sys.stdout.flush()
 
 
 def _known_farm() -> Part:
