@@ -13,6 +13,7 @@ differs.  The same octets need the same packages of the distribution and the sam
 from __future__ import annotations
 
 import argparse
+import gzip
 import hashlib
 import io
 import json
@@ -23,7 +24,7 @@ import tarfile
 import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, cast
 
 from archives import ROOT, copy_commit, git, last_commit
 
@@ -58,6 +59,13 @@ def digest_of(path: Path) -> str:
     """As ``sha256sum`` prints it."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def plain(layer: IO[bytes]) -> IO[bytes]:
+    """A layer as the configuration's digest is of; an engine with containerd's store saves it compressed."""
+    is_packed = layer.read(2) == b"\x1f\x8b"
+    layer.seek(0)
+    return cast("IO[bytes]", gzip.GzipFile(fileobj=layer)) if is_packed else layer
 
 
 def settle_layer(layer: IO[bytes], out: IO[bytes], epoch: int) -> None:
@@ -105,7 +113,7 @@ def settle(saved: Path, out: Path, tag: str, epoch: int, keep: int) -> str:
         for number, name in enumerate(manifest["Layers"]):
             with tempfile.TemporaryFile() as layer:
                 if number < keep:
-                    shutil.copyfileobj(member_of(one, name), layer)
+                    shutil.copyfileobj(plain(member_of(one, name)), layer)
                 else:
                     settle_layer(member_of(one, name), layer, epoch)
                 size = layer.tell()

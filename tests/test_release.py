@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import hashlib
 import io
 import json
@@ -99,7 +100,7 @@ def layer_of(members: list[tuple[str, bytes | str]], later: int) -> bytes:
     return out.getvalue()
 
 
-def saved_image(file: Path, later: int, *, base: bytes = b"base", own: bytes = b"own") -> Path:
+def saved_image(file: Path, later: int, *, base: bytes = b"base", own: bytes = b"own", packed: bool = False) -> Path:
     """What ``docker save`` writes of an image with one layer of its base and one of its own, of some day."""
     first = layer_of([("base", base)], 0)
     made = [("b", own), ("a", b"1"), ("old", b"2"), ("c", "b")]
@@ -114,6 +115,8 @@ def saved_image(file: Path, later: int, *, base: bytes = b"base", own: bytes = b
         ],
         "rootfs": {"type": "layers", "diff_ids": []},
     }  # fmt: skip
+    if packed:
+        first, second = gzip.compress(first), gzip.compress(second)
     manifest = [{"Config": "x.json", "RepoTags": ["built"], "Layers": ["1/layer.tar", "2/layer.tar"]}]
     with tarfile.open(file, "w") as archive:
         for name, content in (
@@ -143,6 +146,10 @@ def test_an_image_that_was_built_twice_on_different_days_has_the_same_octets(set
     one, other = settled("one", 0), settled("other", 50)
     assert one.read_bytes() == other.read_bytes()
     assert image.differences(one, other) == []
+
+
+def test_an_engine_that_saves_layers_compressed_gives_the_same_octets(settled):
+    assert settled("one", 0).read_bytes() == settled("other", 0, packed=True).read_bytes()
 
 
 def test_a_settled_image_has_the_files_of_the_built_one_and_the_digests_of_its_layers(settled):
