@@ -93,6 +93,15 @@ def test_prometheus_takes_its_file(tmp_path):
     }
 
 
+def test_grafana_asks_for_rates_over_the_interval_at_which_this_prometheus_scrapes():
+    (source,) = yaml.safe_load((ROOT / STACK["configs"]["datasource"]["file"]).read_text("utf-8"))["datasources"]
+    scraped = yaml.safe_load((ROOT / STACK["configs"]["prometheus"]["file"]).read_text("utf-8"))
+    assert source["jsonData"]["timeInterval"] == scraped["global"]["scrape_interval"]
+    rigs = ROOT / "dashboards" / "provisioning" / "datasources" / "prometheus.yml"
+    (other,) = yaml.safe_load(rigs.read_text("utf-8"))["datasources"]
+    assert {**source, "jsonData": None} == {**other, "jsonData": None}
+
+
 def test_a_pod_runs_the_shard_of_its_ordinal_from_one():
     spec = OBJECTS["StatefulSet", "farm"]["spec"]
     (container,) = spec["template"]["spec"]["containers"]
