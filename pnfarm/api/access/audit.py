@@ -37,6 +37,7 @@ from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from functools import partial
 from http import HTTPStatus
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import anyio
@@ -98,6 +99,7 @@ class AuditLog:
         self._owed: list[dict[str, Any]] = []
         #: Held while a thread writes, also when nobody waits for it any more.
         self._lock = asyncio.Lock()
+        self._writer = _Writer()
         #: Part of a line is behind the last record.
         self._half = False
         was_there = path.exists()
@@ -132,6 +134,7 @@ class AuditLog:
             self._append({"record": "begin", "pnfarm": __version__, "name": name, "found": self.found, "noted": before})
         except OSError as exc:
             raise EnvironmentError_(f"the audit log {self.path} cannot be written: {_why(exc)}") from exc
+        self._writer.start()
         told = logger.warning if self.found in {"shortened", "changed", "missing", "unnoted"} else logger.info
         told("audit log begun", file=str(self.path), found=self.found, sequence=self._sequence, digest=self._digest)
 
@@ -155,6 +158,7 @@ class AuditLog:
             if one is not None and one >= 0:
                 os.close(one)
         self._file, self._note = -1, None
+        self._writer.end()
 
     # -- records
 
@@ -190,7 +194,7 @@ class AuditLog:
         except TimeoutError as exc:
             self._owe(record)
             raise _silent() from exc
-        writing = _in_thread(partial(self._append_all, record))
+        writing = self._writer.call(partial(self._append_all, record))
         writing.add_done_callback(partial(self._written, record))
         done, _ = await asyncio.wait([writing], timeout=until - anyio.current_time())
         if done:
@@ -346,25 +350,36 @@ class AuditLog:
             logger.warning("end of the audit log not noted", file=str(self._note_path), reason=_why(exc))
 
 
-def _in_thread(work: Callable[[], int]) -> asyncio.Future[int]:
-    """The result of a call in a thread for which the end of the program does not wait."""
-    loop = asyncio.get_running_loop()
-    found: asyncio.Future[int] = loop.create_future()
+class _Writer:
+    """A thread that makes calls one after the other, and for which the end of the program does not wait."""
 
-    def run() -> None:
-        try:
-            told = partial(found.set_result, work())
-        except BaseException as exc:  # noqa: BLE001 - for who waits
-            told = partial(found.set_exception, exc)
-        # the loop may have ended
-        with contextlib.suppress(RuntimeError):
-            loop.call_soon_threadsafe(told)
+    def __init__(self) -> None:
+        self._calls: SimpleQueue[tuple[Callable[[], int], asyncio.Future[int]] | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="pnfarm-audit", daemon=True)
 
-    try:
-        threading.Thread(target=run, name="pnfarm-audit", daemon=True).start()
-    except RuntimeError as exc:
-        found.set_exception(OSError(errno.EAGAIN, str(exc)))
-    return found
+    def start(self) -> None:
+        self._thread.start()
+
+    def end(self) -> None:
+        """After the calls before."""
+        self._calls.put(None)
+
+    def call(self, work: Callable[[], int]) -> asyncio.Future[int]:
+        """Its result, in the event loop."""
+        found: asyncio.Future[int] = asyncio.get_running_loop().create_future()
+        self._calls.put((work, found))
+        return found
+
+    def _run(self) -> None:
+        while (call := self._calls.get()) is not None:
+            work, found = call
+            try:
+                told = partial(found.set_result, work())
+            except BaseException as exc:  # noqa: BLE001 - for who waits
+                told = partial(found.set_exception, exc)
+            # the loop may have ended
+            with contextlib.suppress(RuntimeError):
+                found.get_loop().call_soon_threadsafe(told)
 
 
 def _silent() -> OSError:
