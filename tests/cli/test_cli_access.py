@@ -128,10 +128,11 @@ def test_a_farm_whose_certificate_cannot_serve_does_not_start(pnfarm, tmp_path, 
     assert sentence in found.err
 
 
-def test_a_hub_whose_certificates_cannot_serve_does_not_start(pnfarm):
+def test_a_hub_whose_certificates_cannot_serve_does_not_start_and_leaves_no_audit_log(pnfarm, tmp_path):
     for arguments in (("--tls-cert", "nowhere"), ("--tls-key", "key"), ("--tls-ca", "nowhere")):
-        found = pnfarm("hub", "--shard", "x", *arguments)
+        found = pnfarm("hub", "--shard", "x", "--audit", tmp_path / "audit.jsonl", *arguments)
         assert (found.code, found.err.count("\n")) == (2, 1)
+        assert not (tmp_path / "audit.jsonl").exists()
 
 
 def test_a_certificate_of_the_command_line_is_where_the_user_is_and_one_of_the_file_beside_it(tmp_path, monkeypatch):

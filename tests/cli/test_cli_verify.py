@@ -351,6 +351,13 @@ def test_a_report_that_cannot_be_written_is_refused_before_the_run(pnfarm, tmp_p
     assert "which is not a folder" in done.err
 
 
+def test_a_report_that_cannot_be_written_in_the_end_is_printed_nevertheless(pnfarm, found):
+    found(part(Verdict.FAILED))
+    done = pnfarm("verify", "--quick", "--json", "/dev/full")
+    assert (done.code, done.err.splitlines()[-1]) == (4, "pnfarm: /dev/full cannot be written: no space left on device")
+    assert done.out.endswith("verdict: failed\n")
+
+
 # -- the limits
 
 

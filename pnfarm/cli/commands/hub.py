@@ -13,7 +13,6 @@ from pnfarm.terminal.output import print_line
 from pnfarm.terminal.settings import setting, settings
 
 if TYPE_CHECKING:
-    from pnfarm.api.access.audit import AuditLog
     from pnfarm.api.access.tls import ServerTls
     from pnfarm.api.access.token_file import TokenFile
     from pnfarm.farm.file.sections import Api
@@ -115,7 +114,6 @@ def hub(
     """
     import anyio
 
-    from pnfarm.api.access.audit import AuditLog
     from pnfarm.api.access.tls import ServerTls
     from pnfarm.api.access.token_file import TokenFile
     from pnfarm.hub.settings import api_of, name_of, url_of
@@ -130,10 +128,9 @@ def hub(
     if tls_key is not None and tls_cert is None:
         raise ConfigError("--tls-key is given without a certificate: add --tls-cert FILE")
     known = TokenFile(tokens) if tokens is not None else None
-    log = AuditLog(audit) if audit is not None else None
     tls = ServerTls(tls_cert, tls_key) if tls_cert is not None else None
     shards = _Shards(urls, names, shard_token or token_in("PNFARM_HUB_SHARD_TOKEN_FILE"), tls_ca)
-    anyio.run(_run, section, known, log, tls, shards)
+    anyio.run(_run, section, known, audit, tls, shards)
 
 
 class _Shards(NamedTuple):
@@ -146,14 +143,14 @@ class _Shards(NamedTuple):
 
 
 async def _run(
-    section: Api, tokens: TokenFile | None, audit: AuditLog | None, tls: ServerTls | None, shards: _Shards
+    section: Api, tokens: TokenFile | None, audit: Path | None, tls: ServerTls | None, shards: _Shards
 ) -> None:
     import secrets
 
     import anyio
 
     from pnfarm.api import api_url, serve
-    from pnfarm.api.access.audit import kept
+    from pnfarm.api.access.audit import AuditLog, kept
     from pnfarm.cli.running import stop_on_signals
     from pnfarm.farm.events import ApiListening
     from pnfarm.farm.process.garbage import keep_what_is_loaded
@@ -162,8 +159,9 @@ async def _run(
 
     made = secrets.token_urlsafe(24) if section.needs_token and section.token is None and tokens is None else None
     hub = Hub(token=shards.token, ca=shards.ca)
-    app = make_hub_app(hub, token=section.token or made, read_token=section.read_token, tokens=tokens, audit=audit)
-    async with stop_on_signals() as running, kept(audit, "hub"):
+    log = AuditLog(audit) if audit is not None else None
+    app = make_hub_app(hub, token=section.token or made, read_token=section.read_token, tokens=tokens, audit=log)
+    async with stop_on_signals() as running, kept(log, "hub"):
         with running:
             async with anyio.create_task_group() as tasks:
                 await tasks.start(run_hub, hub, shards.urls, shards.names, app.state.views)

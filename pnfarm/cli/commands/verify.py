@@ -65,12 +65,13 @@ def verify(
         check_writable(json_file)
     anyio.run(compile_ahead)
     report = _report(quick=quick)
+    # first: minutes of work are not lost with a full disk
+    _print(report)
     if json_file is not None:
         try:
             json_file.write_text(report.model_dump_json(indent=2) + "\n", encoding="utf-8")
         except OSError as exc:
             raise EnvironmentError_(f"{json_file} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
-    _print(report)
     if key is not None and json_file is not None:
         print_line(f"signature: {sign(json_file, key)}")
     elif json_file is None:
