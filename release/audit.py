@@ -89,10 +89,10 @@ def look(versions: list[tuple[str, str]], source: str, offline: Path | None) -> 
         try:
             read = Advisories(offline)
             found = [finding for one in [KNOWN, *versions] for finding in read.of(*one)]
+            age = (datetime.now(UTC).date() - date.fromisoformat(read.newest[:10])).days
         except (OSError, ValueError, yaml.YAMLError) as error:
             raise NoAnswerError(str(error)) from error
         name = f"{read.count} advisories in {offline}, the newest of {read.newest[:10]}"
-        age = (datetime.now(UTC).date() - date.fromisoformat(read.newest[:10])).days
         unknown = [f"what became known in the last {age} days: get newer advisories"] if age > DAYS else []
     else:
         name = f"pip-audit, {source}"

@@ -321,6 +321,7 @@ def test_old_advisories_are_no_all_clear_but_what_they_know_counts(offline):
     [
         ((), "has no advisory"),
         ((advisory("A-1", "x", {"introduced": "0"}),), "does not know that jinja2 2.10 is vulnerable"),
+        (({**KNOWN, "modified": ""},), "Invalid isoformat string: ''"),
     ],
 )
 def test_a_folder_without_advisories_or_with_a_few_is_no_all_clear(offline, read, said):
