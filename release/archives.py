@@ -44,8 +44,9 @@ def copy_commit(root: Path, commit: str, place: Path, *, old: bool = False) -> N
     """Put the files of a commit of ``root`` into ``place``; ``old``: with a time long ago, and few rights."""
     place.mkdir(parents=True)
     archive = place.with_suffix(".tar")
-    git(root, "archive", "-o", str(archive), commit)
-    subprocess.run(["tar", "-C", str(place), "-xf", str(archive)], check=True)
+    # whoever copies it, by whatever umask: an image keeps the modes of what is copied into it
+    git(root, "-c", "tar.umask=0022", "archive", "-o", str(archive), commit)
+    subprocess.run(["tar", "-C", str(place), "-xpf", str(archive)], check=True)
     archive.unlink()
     if old:
         for path in place.rglob("*"):

@@ -7,6 +7,7 @@ import gzip
 import hashlib
 import io
 import json
+import os
 import subprocess
 import sys
 import tarfile
@@ -83,6 +84,20 @@ def test_what_is_not_committed_is_in_no_archive(tmp_path, capsys):
     assert archives.main(["--root", str(root), "--out", str(tmp_path / "out"), "--target", "wheel"]) == 0
     assert "1 changed or new files are not in it" in capsys.readouterr().err
     assert "thing/secret.py" not in archives.parts(tmp_path / "out" / "thing-1.0-py3-none-any.whl")
+
+
+@pytest.mark.parametrize("umask", [0o002, 0o077])
+def test_what_is_built_has_the_same_modes_whoever_copies_it(tmp_path, umask):
+    root = committed(tmp_path / "project")
+    before = os.umask(umask)
+    try:
+        archives.copy_commit(root, "HEAD", tmp_path / "copy")
+    finally:
+        os.umask(before)
+    found = {path.name: path.stat().st_mode & 0o777 for path in (tmp_path / "copy").rglob("*")}
+    assert found == {
+        "pyproject.toml": 0o644, "thing": 0o755, "zebra.py": 0o644, "__init__.py": 0o644, "run.sh": 0o755,
+    }  # fmt: skip
 
 
 def layer_of(members: list[tuple[str, bytes | str]], later: int) -> bytes:
