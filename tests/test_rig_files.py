@@ -100,6 +100,12 @@ def test_the_service_has_the_two_capabilities_and_no_others():
         assert re.findall(f"^{name}=(.*)$", UNIT, re.MULTILINE) == ["CAP_NET_ADMIN CAP_NET_RAW"]
 
 
+def test_what_the_service_refuses_of_locked_memory_is_among_what_a_farm_with_locked_memory_is_told_to_add():
+    assert re.search(r"^SystemCallFilter=~.*@memlock", UNIT, re.MULTILINE)
+    (told,) = re.findall(r"SCHED_FIFO, `realtime:`\)\n((?:# {5,}.*\n)+?)#   `", UNIT)
+    assert "CAP_IPC_LOCK, LimitMEMLOCK=infinity, SystemCallFilter=@memlock" in told
+
+
 @pytest.mark.skipif(
     shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed (apt-get install systemd)"
 )
