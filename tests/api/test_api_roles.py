@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import threading
@@ -213,6 +214,23 @@ def test_an_open_stream_ends_with_its_token(tokens):
     assert sent[0]["status"] == 200
     assert not sent[-1].get("more_body", False)
     assert b"late" not in b"".join(message.get("body", b"") for message in sent)
+
+
+def test_a_changed_file_that_could_not_be_read_for_a_moment_is_read_again(tmp_path, monkeypatch, capsys):
+    """As where the machine has no file descriptor left."""
+
+    def refuses(path, most):
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    path = tmp_path / "tokens"
+    add_token(path, "ci", Role.READ, None)
+    file = TokenFile(path)
+    add_token(path, "wall", Role.READ, None)
+    with monkeypatch.context() as patch:
+        patch.setattr(token_file, "read_regular", refuses)
+        assert [file.holders() for _ in range(3)] == [[], [], []]
+    assert [holder.name for holder in file.holders()] == ["ci", "wall"]
+    assert capsys.readouterr().out.count("no token of the file is taken") == 1
 
 
 def test_while_the_file_is_wrong_none_of_its_tokens_is_taken_and_the_farms_own_is(tmp_path):

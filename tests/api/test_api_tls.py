@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import errno
+import os
 import socket
 import ssl
 import time
@@ -223,6 +225,24 @@ def test_a_renewed_certificate_serves_the_next_connection_and_a_wrong_one_none(w
             assert await looked() == new
 
     anyio.run(main)
+
+
+def test_a_renewed_certificate_that_could_not_be_read_for_a_moment_serves_later(tmp_path, monkeypatch, capsys):
+    """As where the machine has no file descriptor left."""
+
+    def refuses(path, most):
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    first = make_certificate(tmp_path, [], 30)
+    found = ServerTls(first.certificate, first.key)
+    old, ends = found.context(), found.ends
+    make_certificate(tmp_path, [], 60)
+    with monkeypatch.context() as patch:
+        patch.setattr(tls, "read_regular", refuses)
+        assert [found.context() for _ in range(3)] == [old] * 3
+    assert found.context() is not old
+    assert found.ends > ends
+    assert capsys.readouterr().out.count("certificate not renewed") == 1
 
 
 def test_files_that_cannot_serve_are_refused_with_a_sentence(made, tmp_path, monkeypatch):

@@ -59,6 +59,8 @@ class ServerTls:
         # of the class: start_tls takes no argument for it
         sslproto.SSLProtocol.max_size = READ_BUFFER
         self._stamp = self._look()
+        #: Why they could not be read; then they are tried with each connection: the machine may have had no file left.
+        self._unread = ""
         self.names: tuple[str, ...] = ()
         self.ends = 0.0
         self._context = self._load()
@@ -68,12 +70,16 @@ class ServerTls:
     def context(self) -> ssl.SSLContext:
         """Of the files as they are now; while these cannot serve, of what was read before."""
         stamp = self._look()
-        if stamp != self._stamp:
+        if stamp != self._stamp or self._unread:
             self._stamp = stamp
+            before, self._unread = self._unread, ""
             try:
                 self._context = self._load()
             except ConfigError as exc:
-                logger.warning("certificate not renewed", reason=str(exc))
+                why = exc.__cause__
+                self._unread = str(exc) if isinstance(why, OSError) and not isinstance(why, ssl.SSLError) else ""
+                if before != str(exc):
+                    logger.warning("certificate not renewed", reason=str(exc))
             else:
                 logger.info("certificate renewed", file=str(self._files[0]), names=list(self.names))
         return self._context

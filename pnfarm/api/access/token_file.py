@@ -232,16 +232,21 @@ class TokenFile:
         self.path = path
         self._stamp = self._look()
         self._holders = read_tokens(path)
+        #: Why it could not be read; then it is tried with each request: the machine may have had no file left.
+        self._unread = ""
 
     def holders(self) -> list[Holder]:
         stamp = self._look()
-        if stamp != self._stamp:
+        if stamp != self._stamp or self._unread:
             self._stamp = stamp
+            before, self._unread = self._unread, ""
             try:
                 self._holders = read_tokens(self.path)
             except ConfigError as exc:
                 self._holders = []
-                logger.warning("no token of the file is taken", reason=str(exc))
+                self._unread = str(exc) if isinstance(exc.__cause__, OSError) else ""
+                if before != str(exc):
+                    logger.warning("no token of the file is taken", reason=str(exc))
             else:
                 logger.info("tokens read again", file=str(self.path), tokens=len(self._holders))
         return self._holders
