@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import shutil
 import subprocess
@@ -64,6 +65,14 @@ def test_every_secret_and_every_config_of_a_service_is_one_of_the_stacks():
         path = re.sub(r"\$\{\w+:-(.*)\}", r"\1", config["file"])
         # of an older engine, which takes the least
         assert 0 < (ROOT / path).stat().st_size < 500_000
+
+
+@pytest.mark.parametrize("name", sorted(STACK["configs"].keys() - {"farm"}))
+def test_a_changed_file_is_a_config_of_another_name_as_a_swarm_changes_none(name):
+    """`docker stack deploy` of a new version fails otherwise: only updates to Labels are allowed."""
+    config = STACK["configs"][name]
+    digest = hashlib.sha256((ROOT / config["file"]).read_bytes()).hexdigest()
+    assert config["name"] == f"pnfarm_{name}_{digest[:8]}", "name it so in compose.swarm.yaml"
 
 
 def test_the_farm_file_has_the_stacks_names_and_addresses_that_no_container_gets():
