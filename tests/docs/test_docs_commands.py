@@ -141,6 +141,33 @@ def test_every_pattern_of_the_cookbook_is_right_in_a_scenario(tmp_path):
         assert main(["validate", str(file)]) == 0, text
 
 
+LINE = ROOT / "configs" / "scenarios" / "line.pnfarm.yml"
+NEVER = f"controller.program: {{python: {ROOT / 'configs' / 'programs' / 'never_acknowledges.py'}}}"
+
+
+def returning(tmp_path: Path) -> Iterator[Path]:
+    """The examples that expect an axis back, as scenarios with a program that never acknowledges."""
+    pattern = next(text for text in steps(DOCS / "cookbook.md") if "it comes back" in text)
+    wait = "- wait: {until: state == S4, within: 20s}\n"
+    file = tmp_path / "pattern.scenario.yml"
+    head = f"scenario: pattern\nfarm: {LINE}\nwith: {{{NEVER}}}\nsteps:\n"
+    file.write_text(head + textwrap.indent(wait + pattern, "  "), "utf-8")
+    yield file
+    text = (DOCS / "scenarios.md").read_text("utf-8")
+    matrix = textwrap.dedent(text[text.index("    scenario: recovery-by-cycle") :].split("\n\n")[0])
+    for old, new in (("line-1.pnfarm.yml", str(LINE)), ("[1ms, 4ms]", "[16ms]"), ("$cycle}", f"$cycle, {NEVER}}}")):
+        assert old in matrix
+        matrix = matrix.replace(old, new)
+    file = tmp_path / "matrix.scenario.yml"
+    file.write_text(matrix, "utf-8")
+    yield file
+
+
+def test_an_example_that_expects_an_axis_back_fails_for_a_program_that_never_brings_it_back(tmp_path):
+    for file in returning(tmp_path):
+        assert main(["run", str(file), "--virtual"]) == 1, file
+
+
 # -- links -----------------------------------------------------------------------------------------------------------
 
 
