@@ -216,6 +216,10 @@ class FarmClient:
 
 
 def _joined(path: tuple[str, ...]) -> str:
+    for part in path:
+        # a URL with these is that of another path
+        if part in ("", ".", ".."):
+            raise ConfigError(f"{part!r} is no name: nothing in a farm is called so")
     return "/".join(quote(part, safe="") for part in path)
 
 

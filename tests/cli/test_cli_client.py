@@ -120,6 +120,17 @@ def test_a_name_with_odd_letters_stays_one_name(ask, farm):
     assert ask("inspect", "a/b c").code == 0
 
 
+@pytest.mark.parametrize("name", ["", ".", ".."])
+@pytest.mark.parametrize("words", ["inspect {}", "fault list {}", "fault clear {}", "state delete {}", "param get {} 1"])
+def test_a_name_that_would_be_another_path_of_the_api_is_refused(ask, farm, words, name):
+    for path in ("", "drives", "drives/", "faults", "faults/", "states", "states/", "drives/params/1", "params/1"):
+        for method in ("GET", "DELETE"):
+            farm.answer(method, path, {"farm": "line-1", "drives": [DRIVE], "faults": [FAULT]})
+    found = ask(*(name if word == "{}" else word for word in words.split()))
+    assert found.code == 2
+    assert f"{name!r} is no name" in found.err
+
+
 def test_events_are_lines_or_json_lines(ask, farm):
     farm.answer("GET", "drives/axis-01", DRIVE)
     stream = (
