@@ -117,13 +117,15 @@ def plan_plant(
     report: Report,
     *,
     runs_files: bool = True,
+    has_all_stations: bool = True,
 ) -> PlantPlan:
     """Check a plant; what is wrong is reported at its place in the file.
 
     ``folder``: files of models are relative to it.  ``runs_files=False``: no file of a model
-    in Python is run, and wires to it are not checked.
+    in Python is run, and wires to it are not checked.  ``has_all_stations=False``: some of the file could not be
+    read, and a name may be that of one of those.
     """
-    planner = _Planner(section, axes, devices, folder, report, runs_files=runs_files)
+    planner = _Planner(section, axes, devices, folder, report, runs_files=runs_files, has_all_stations=has_all_stations)
     planner.models()
     planner.wires()
     return planner.plan
@@ -139,12 +141,14 @@ class _Planner:
         report: Report,
         *,
         runs_files: bool,
+        has_all_stations: bool,
     ) -> None:
         self._section = section
         self._axes = axes
         self._devices = devices
         self._folder = folder
         self._runs_files = runs_files
+        self._has_all_stations = has_all_stations
         self._report = report
         self._models: dict[str, PlannedModel] = {}
         #: Names of models that could not be made, or are not yet: wires to them are not checked.
@@ -215,6 +219,8 @@ class _Planner:
             hint = did_you_mean(model.kind, known)
             self._report((*at, "kind"), f"{shown(model.kind)} is no built-in model{hint}", ", ".join(known))
             return None
+        if not self._has_all_stations and model.kind in COUPLINGS:
+            return None  # its axes may be among those that could not be read
         parameters = read_parameters(at, model, kind, self._axes, self._report)
         if parameters is None:
             return None
@@ -315,6 +321,8 @@ class _Planner:
             return self._axis_end(at, owner, port, ends=ends)
         if owner in self._devices:
             return self._device_end(at, owner, port, ends=ends)
+        if not self._has_all_stations:
+            return None
         known = [*self._models, *self._axes, *self._devices]
         hint = did_you_mean(owner, known)
         self._report(at, f"{shown(text)} names no model and no station{hint}", shortened(known) or "a model first")

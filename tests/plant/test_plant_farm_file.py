@@ -61,6 +61,26 @@ def test_what_is_wrong_with_a_plant_is_told_at_its_line(plant: str, what: str):
     assert any(issue.startswith(what) for issue in _issues(plant)), _issues(plant)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "where"),
+    [
+        ("- {name: y, model: akd-profinet, ip: 10.77.0.300/24}", "drives[1].ip"),
+        ("- {name: y, model: akd-profinet, ip: 10.77.0.12/24, telegram: 999}", "drives[1].telegram"),
+        ("- {name: 'y{', model: akd-profinet, ip: 10.77.0.12/24}", "drives[1].name"),
+        ("devices:\n- {name: y, gsdml: none.xml, ip: 10.77.0.12/24}", "devices[0].gsdml"),
+        ("devices:\n- {name: y, gsdml: none.xml, ip: 10.77.0.12}", "devices[0].ip"),
+    ],
+)
+def test_a_station_with_an_error_is_not_also_missed_by_the_plant(wrong: str, where: str):
+    plant = (
+        "  models:\n  - {name: m, kind: rigid-coupling, axes: [x, y]}\n"
+        "  wires: [y.torque -> x.load_torque, x.torque -> y.load_torque]\n"
+    )
+    with pytest.raises(FarmFileError) as caught:
+        parse_farm(HEAD.replace("plant:\n", f"{wrong}\nplant:\n") + plant)
+    assert [issue.field for issue in caught.value.issues] == [where]
+
+
 def test_a_wire_converts_between_units_of_one_kind_and_takes_a_factor_between_others():
     text = HEAD + (
         "  models: [{name: s, kind: position-sensor, from: 30, to: 50}, {name: e, kind: encoder}]\n"

@@ -43,14 +43,16 @@ def check(
     report: Report,
     *,
     is_complete: bool = True,
+    has_all_stations: bool = True,
     places: Sequence[int] | None = None,
     device_places: Sequence[int] | None = None,
 ) -> None:
     """Report all that does not fit together; one report per group and cause, not one per drive.
 
     ``folder``: files of models of the plant are relative to it.
-    ``is_complete=False`` leaves out the checks between sections, for a file of which some were set aside; ``places``
-    are then the numbers that the drive groups have in the file, ``device_places`` those of the groups of devices.
+    ``is_complete=False`` leaves out the checks between sections, for a file of which some were set aside, and
+    ``has_all_stations=False`` that of names of stations, where a group or a key of one was; ``places`` are then the
+    numbers that the drive groups have in the file, ``device_places`` those of the groups of devices.
     """
     if is_complete:
         _check_sections(sections, report)
@@ -80,7 +82,7 @@ def check(
         _check_names(groups, report)
         _check_between(sections, groups, devices, known, report)
         if is_complete:
-            _check_plant(sections, known, folder, report)
+            _check_plant(sections, known, folder, report, has_all_stations=has_all_stations)
     for controller in sections.controllers:
         bus = bus_of_controller(controller)
         _check_program(controller, report)
@@ -88,7 +90,7 @@ def check(
         bus.farm_file.check_controller(controller, own, known, _of(controller, sections, report))
 
 
-def _check_plant(sections: FarmSections, known: Known, folder: Path, report: Report) -> None:
+def _check_plant(sections: FarmSections, known: Known, folder: Path, report: Report, *, has_all_stations: bool) -> None:
     """The plant as far as no file of a model is run."""
     if sections.plant is None:
         return
@@ -102,7 +104,8 @@ def _check_plant(sections: FarmSections, known: Known, folder: Path, report: Rep
         for axis in drive.axes
     }
     devices = {device.name: device.known_signals for device in expand_device_sections(sections)}
-    plan_plant(sections.plant, axes, devices, folder, report, runs_files=False)
+    has_all_stations = has_all_stations and all(group.is_described for group in sections.devices)
+    plan_plant(sections.plant, axes, devices, folder, report, runs_files=False, has_all_stations=has_all_stations)
 
 
 def _check_lease(sections: FarmSections, report: Report) -> None:

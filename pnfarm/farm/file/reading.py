@@ -270,6 +270,7 @@ def _build(
             folder,
             report_moved,
             is_complete=not _says_nothing_of_links(wrong),
+            has_all_stations=not any(location[0] in {"drives", "devices"} for location in wrong),
             places=moved["drives"],
             device_places=moved["devices"],
         )
