@@ -121,7 +121,9 @@ def test_a_name_with_odd_letters_stays_one_name(ask, farm):
 
 
 @pytest.mark.parametrize("name", ["", ".", ".."])
-@pytest.mark.parametrize("words", ["inspect {}", "fault list {}", "fault clear {}", "state delete {}", "param get {} 1"])
+@pytest.mark.parametrize(
+    "words", ["inspect {}", "fault list {}", "fault clear {}", "state delete {}", "param get {} 1"]
+)
 def test_a_name_that_would_be_another_path_of_the_api_is_refused(ask, farm, words, name):
     for path in ("", "drives", "drives/", "faults", "faults/", "states", "states/", "drives/params/1", "params/1"):
         for method in ("GET", "DELETE"):

@@ -73,6 +73,8 @@ def test_a_forced_signal_says_so_until_it_is_released(pnfarm, world):
     for words, why in (
         (("--release", "island-1.pressure=1"), "a force ends without a value"),
         (("--release", "--force"), "exclude each other"),
+        (("--force", "island-1.pressure"), "island-1.pressure is given no value"),
+        (("--force", "island-1.pressure=1", "island-1"), "island-1.SIGNAL is given no value"),
     ):
         done = pnfarm("io", *words)
         assert (done.code, why in done.err) == (2, True)

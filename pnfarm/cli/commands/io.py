@@ -73,6 +73,10 @@ def io(
         models = [str(one["name"]) for one in farm.get("plant")["models"]]
         known = [*(str(one["name"]) for one in listed["devices"]), *models]
         wanted = [_parsed(word, known) for word in words or []] or [_Wanted(name) for name in known]
+        if force and (bare := next((one for one in wanted if one.value is None), None)):
+            raise ConfigError(
+                f"--force: {bare.station}.{bare.signal or 'SIGNAL'} is given no value, such as =on or =6.5"
+            )
         for station, values in (_releases(wanted) if release else _writes(wanted)).items():
             _write(farm, station, values, "force" if force or release else "value")
         if watch:
