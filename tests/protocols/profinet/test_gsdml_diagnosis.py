@@ -89,7 +89,7 @@ def test_a_makers_own_form_has_its_fields_by_name():
     assert unit_octets(unit, {"parity error": 1, "Buffer": 5, "Lost octets": 300}).hex() == "5100012c"
     with pytest.raises(ConfigError, match=r"has no field 'Buffers', it has Parity error, .*, did you mean Buffer"):
         unit_octets(unit, {"Buffers": 1})
-    with pytest.raises(ConfigError, match="Gateway line error, Buffer: '9' is given, a number from 0 to 7"):
+    with pytest.raises(ConfigError, match="Gateway line error, Buffer: '9' is given, allowed is a number from 0 to 7"):
         unit_octets(unit, {"Buffer": 9})
 
 

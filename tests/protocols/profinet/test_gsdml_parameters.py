@@ -144,11 +144,11 @@ def test_parameters_are_given_by_name_and_value_or_text_in_any_language(slot, va
     ("slot", "values", "sentence"),
     [
         (2, {"Subst": 1}, r"slot 2 has no parameter 'Subst', it has Substitute, Substitute value, did you mean Subst"),
-        (2, {"Substitute": "hald"}, r"slot 2, Substitute: 'hald' is given, a number \(off, hold, value\)"),
+        (2, {"Substitute": "hald"}, r"slot 2, Substitute: 'hald' is given, allowed is a number \(off, hold, value\)"),
         (2, {"Substitute": 7}, r"slot 2, Substitute: '7' is given, allowed is 0\.\.2 \(off, hold, value\)"),
         (8, {"Edge": 1}, r"slot 8 has 2 parameters 'Edge', choose one by .*: 1\.1\.0\.0/Edge, 2\.1\.0\.0/Edge"),
-        (4, {"Least pressure": "high"}, "slot 4, Least pressure: 'high' is given, a number"),
-        (4, {"Unit": "mmHg!"}, "slot 4, Unit: 'mmHg!' is given, at most 4 octets"),
+        (4, {"Least pressure": "high"}, "slot 4, Least pressure: 'high' is given, allowed is a number"),
+        (4, {"Unit": "mmHg!"}, "slot 4, Unit: 'mmHg!' is given, allowed is at most 4 octets"),
     ],
 )
 def test_parameters_that_the_file_does_not_allow_are_refused_with_what_it_does(slot, values, sentence):

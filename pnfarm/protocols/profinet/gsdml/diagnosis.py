@@ -200,7 +200,7 @@ def unit_octets(unit: UnitDiagnosis, values: Mapping[str, str | float] | None = 
                 ref.put(octets, ref.default if value is None else ref.content(str(value)), checked=value is not None)
         except ValueError as exc:
             if value is not None:
-                raise ConfigError(f"{unit.name}, {name}: {str(value)!r} is given, {exc}") from exc
+                raise ConfigError(f"{unit.name}, {name}: {str(value)!r} is given, allowed is {exc}") from exc
     if given:
         name, _ = next(iter(given.values()))
         known = [ref.name for ref in unit.fields]

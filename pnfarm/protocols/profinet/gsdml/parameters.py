@@ -88,7 +88,8 @@ def parameter_records(
         except ValueError as exc:
             known = ", ".join(text for _, text in ref.texts[:_LISTED])
             raise PlugError(
-                f"slot {module.slot}, {ref.name}: {text!r} is given, {exc}" + (f" ({known})" if known else ""),
+                f"slot {module.slot}, {ref.name}: {text!r} is given, allowed is {exc}"
+                + (f" ({known})" if known else ""),
                 slot=module.slot,
                 subslot=position[0],
             ) from exc

@@ -155,9 +155,8 @@ class ParameterRef:
             octets[self.byte_offset : self.byte_offset + self.length] = data.ljust(self.length, b"\0")
             return
         value = _numeric(text)
-        wrong = self.check(value) if checked else None
-        if wrong is not None:
-            raise ValueError(wrong)
+        if checked and self.check(value) is not None:
+            raise ValueError(self.allowed)
         if self.is_bits or self.data_type == "Boolean":
             bits = self.bits
             if self.is_bits and self.bit_offset + bits > 8:
@@ -286,7 +285,7 @@ class ParameterRecord:
                 ref.put(octets, text, checked=value is not None)
             except ValueError as exc:
                 raise ConfigError(
-                    f"record {self.index}, {ref.name or ref.data_type}: {text!r} is given, {exc}"
+                    f"record {self.index}, {ref.name or ref.data_type}: {text!r} is given, allowed is {exc}"
                 ) from exc
         if given:
             known = ", ".join(ref.name for ref in self.refs) or "no value at all"
