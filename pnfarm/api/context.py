@@ -55,8 +55,11 @@ class ApiContext(Context):
     collector: FarmCollector
     now: Callable[[], int]
     poke: Callable[[], None]
-    messages: Messages = field(default_factory=Messages)
+    messages: Messages = field(init=False)
     rendering: anyio.Lock = field(default_factory=anyio.Lock)
+
+    def __post_init__(self) -> None:
+        self.messages = Messages(self.instance)
 
     def axis(self, name: str) -> Axis:
         """Raises :class:`NotFoundError`."""

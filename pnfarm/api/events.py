@@ -1,24 +1,28 @@
-"""An event log as server-sent events (WHATWG HTML, 9.2): one message for each entry, its sequence number as id.
+"""An event log as server-sent events (WHATWG HTML, 9.2): one message for each entry, its position as id.
 
 A stream reads the log by number, so a client that is slow, or that returns with ``Last-Event-ID``, gets what the log
 still holds; a message of type ``gap`` gives the number of entries lost.
+
+A *position* has the last number of each run that a client has seen, ``1f3c9a02-17.77d0a1b4-203``: a farm's has one run,
+a hub's those of its shards.  Numbers begin anew with each run, so that a number alone says nothing after a restart.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from typing import TYPE_CHECKING, Any, Protocol
 
 import anyio
 import anyio.lowlevel
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable, Iterable, Sequence
+    from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 
     from pnfarm.api.context import ApiContext, Context
     from pnfarm.station.event_log import LogEntry
 
-__all__ = ["Log", "Reader", "event_stream", "gap", "log_stream", "start_of"]
+__all__ = ["Log", "Reader", "event_stream", "format_position", "gap", "log_stream", "parse_position", "start_of"]
 
 #: Interval of the comments that keep an idle stream open through proxies.
 ALIVE_SECONDS = 15.0
@@ -26,6 +30,10 @@ ALIVE_SECONDS = 15.0
 PIECE = 64
 #: Time until a browser reconnects.
 RETRY_MILLISECONDS = 2000
+#: Characters of a position: 300 runs.
+MOST_POSITION = 8_192
+_PART = r"[0-9a-f]{8}-[0-9]{1,15}"
+_POSITION = re.compile(rf"{_PART}(?:\.{_PART})*")
 
 
 class Log(Protocol):
@@ -55,15 +63,31 @@ def gap(lost: int) -> str:
     return f"event: gap\ndata: {json.dumps({'lost': lost})}\n\n"
 
 
-def start_of(log: Log, last_event_id: str | None) -> int:
-    """The sequence number after which a stream begins: the client's, or now.
+def format_position(position: Mapping[str, int]) -> str:
+    return ".".join(f"{run}-{number}" for run, number in sorted(position.items()))
 
-    A number beyond the end of the log is from an earlier run: then all entries are sent.
+
+def parse_position(text: str) -> dict[str, int] | None:
+    """None for a text that is no position."""
+    if len(text) > MOST_POSITION or not _POSITION.fullmatch(text):
+        return None
+    return {part[:8]: int(part[9:]) for part in text.split(".")}
+
+
+def start_of(log: Log, run: str, last_event_id: str | None) -> int:
+    """The sequence number after which a stream of this ``run`` begins: the client's, or now.
+
+    A position of an earlier run, and a number beyond the end of the log: then all entries are sent.
     """
     newest = log.newest
-    if last_event_id is None or not (last_event_id.isascii() and last_event_id.isdigit()):
+    if last_event_id is None:
         return newest
-    wanted = int(last_event_id[:20])
+    if (position := parse_position(last_event_id)) is not None:
+        wanted = position.get(run, 0)
+    elif last_event_id.isascii() and last_event_id.isdigit():
+        wanted = int(last_event_id[:20])
+    else:
+        return newest
     return wanted if wanted <= newest else 0
 
 

@@ -21,16 +21,17 @@ def message(event: str, data: object) -> bytes:
 
 
 class Messages:
-    """Log entries as events, each made once for all streams; the last of them are kept."""
+    """Log entries of one run as events, each made once for all streams; the last of them are kept."""
 
-    def __init__(self) -> None:
+    def __init__(self, run: str) -> None:
+        self._run = run
         self._kept: dict[int, str] = {}
 
     def of(self, entry: LogEntry) -> str:
         """The event of an entry of the farm's one log."""
         found = self._kept.get(entry.sequence)
         if found is None:
-            found = f"id: {entry.sequence}\ndata: {json.dumps(entry.as_dict(), default=str)}\n\n"
+            found = f"id: {self._run}-{entry.sequence}\ndata: {json.dumps(entry.as_dict(), default=str)}\n\n"
             self._kept[entry.sequence] = found
             if len(self._kept) > MESSAGES:
                 del self._kept[next(iter(self._kept))]

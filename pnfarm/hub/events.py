@@ -1,12 +1,11 @@
-"""The merged log as server-sent events: the farm's stream, with a position as id (:mod:`pnfarm.hub.log`)."""
+"""The merged log as server-sent events: the farm's stream, with a position over all shards as id."""
 
 from __future__ import annotations
 
 import json
 from typing import TYPE_CHECKING
 
-from pnfarm.api.events import gap, log_stream, start_of
-from pnfarm.hub.log import format_position, parse_position
+from pnfarm.api.events import format_position, gap, log_stream, parse_position, start_of
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Sequence
@@ -32,7 +31,7 @@ class Reader:
         self._drive = drive
         position = parse_position(begin) if begin is not None else None
         self._known = position or {}
-        self.after = 0 if position is not None else start_of(log, begin)
+        self.after = 0 if position is not None else start_of(log, "", begin)
         self._position = dict([*log.position(self.after).items()][-MOST_ORIGINS:])
         for origin, number in self._known.items():
             if origin in self._position or len(self._position) < MOST_ORIGINS:

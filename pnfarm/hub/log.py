@@ -4,14 +4,13 @@ An entry waits for :data:`HOLD_NS` before it is given out, so that one of anothe
 later, is before it.  One that comes later still is given out at once, out of order.
 
 Two numbers mark a place in the log.  ``sequence`` counts the hub's own entries, as a farm's does; it begins anew with
-the hub.  The *position* has the last number of each shard's run, ``1f3c9a02-17.77d0a1b4-203``: with it a client goes on
+the hub.  The *position* (:mod:`pnfarm.api.events`) has the last number of each shard's run: with it a client goes on
 after the hub was restarted, because the shards still have their entries.
 """
 
 from __future__ import annotations
 
 import heapq
-import re
 from collections import deque
 from dataclasses import dataclass
 from itertools import count
@@ -20,28 +19,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
 
-__all__ = ["HOLD_NS", "HubEntry", "MergedLog", "format_position", "parse_position"]
+__all__ = ["HOLD_NS", "HubEntry", "MergedLog"]
 
 #: How long an entry waits for earlier ones of other shards.
 HOLD_NS = 250_000_000
 #: Entries that are kept, and those that wait: beyond it the oldest do not wait any longer.
 KEPT = 16_384
 MOST_WAITING = 8_192
-#: Characters of a position: 300 shards.
-MOST_POSITION = 8_192
-_PART = r"[0-9a-f]{8}-[0-9]{1,15}"
-_POSITION = re.compile(rf"{_PART}(?:\.{_PART})*")
-
-
-def format_position(position: Mapping[str, int]) -> str:
-    return ".".join(f"{origin}-{number}" for origin, number in sorted(position.items()))
-
-
-def parse_position(text: str) -> dict[str, int] | None:
-    """None for a text that is no position."""
-    if len(text) > MOST_POSITION or not _POSITION.fullmatch(text):
-        return None
-    return {part[:8]: int(part[9:]) for part in text.split(".")}
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import anyio
 from anyio import TASK_STATUS_IGNORED
 
+from pnfarm.api.events import format_position
 from pnfarm.api.server import api_url
 from pnfarm.hub.shard_events import DrivesClaimedTwice, ShardForgotten, ShardLost, ShardReturned
 from pnfarm.hub.shards import AwayError
@@ -161,7 +162,7 @@ async def _follow(hub: Hub, shard: Shard) -> None:
             # a stream is of the run that answers now
             await _probe(hub, shard, tell=True)
         if shard.asked:
-            last = str(hub.log.taken(shard.instance))
+            last = format_position({shard.instance: hub.log.taken(shard.instance)})
             try:
                 async for _, entry in hub.client(shard).stream(f"{PREFIX}/events", last=last):
                     hub.take_entry(shard, entry)

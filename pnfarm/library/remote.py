@@ -184,13 +184,14 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
 
     async def events(self, drive: str | None = None, *, follow: bool = True) -> AsyncIterator[FarmEvent]:
         """What happened, oldest first, then what happens until it is left; the farm is asked every 20 ms."""
-        last = 0
+        last = "0"
         while True:
-            asked = self._client.events(drive, follow=False, after=last)
+            asked = self._client.entries(drive, follow=False, after=last)
             entries = await asyncio.to_thread(lambda asked=asked: list(asked))  # type: ignore[misc]  # mypy does not type the default
-            for entry in entries:
+            for position, entry in entries:
                 if "sequence" in entry:
-                    last = int(entry["sequence"])
+                    # a hub reads all of its log for the position of several runs, each time
+                    last = position if "." not in position else str(entry["sequence"])
                     yield FarmEvent.of(entry)
             if not follow:
                 return

@@ -139,23 +139,29 @@ class FarmClient:
         self._raise_for(response)
         return response.text
 
-    def events(self, drive: str | None = None, *, follow: bool = True, after: int = 0) -> Iterator[dict[str, Any]]:
-        """The farm's event log behind the entry ``after``, of one drive or of all; with ``follow`` also new entries
-        until the farm stops.
-        """
+    def events(self, drive: str | None = None, *, follow: bool = True) -> Iterator[dict[str, Any]]:
+        """The farm's event log, of one drive or of all; with ``follow`` also new entries until the farm stops."""
+        return (entry for _, entry in self.entries(drive, follow=follow))
+
+    def entries(
+        self, drive: str | None = None, *, follow: bool = True, after: str = "0"
+    ) -> Iterator[tuple[str, dict[str, Any]]]:
+        """As :meth:`events`, each with its position; those behind the position ``after``."""
         chosen = {"drive": drive} if drive else {}
         if not follow:
             chosen["follow"] = "false"
-        return self._stream("events", chosen, {"Last-Event-ID": str(after)})
+        return self._stream("events", chosen, {"Last-Event-ID": after})
 
     def values(self, devices: Sequence[str]) -> Iterator[dict[str, Any]]:
         """The signals of these devices, or of ``["all"]``: at first each, then what changed; until the farm stops.
 
         A dictionary is a ChangedSignals of the API's description.
         """
-        return self._stream("live", {"device": list(devices), "overview": "false"}, {})
+        return (data for _, data in self._stream("live", {"device": list(devices), "overview": "false"}, {}))
 
-    def _stream(self, path: str, query: Mapping[str, Any], headers: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+    def _stream(
+        self, path: str, query: Mapping[str, Any], headers: Mapping[str, str]
+    ) -> Iterator[tuple[str, dict[str, Any]]]:
         import httpx
 
         patience = httpx.Timeout(TIMEOUT_SECONDS, read=SILENCE_SECONDS)
@@ -223,14 +229,17 @@ def _joined(path: tuple[str, ...]) -> str:
     return "/".join(quote(part, safe="") for part in path)
 
 
-def _messages(lines: Iterator[str]) -> Iterator[dict[str, Any]]:
-    """The JSON objects of an event stream (WHATWG HTML, 9.2.6), one for each message with data."""
+def _messages(lines: Iterator[str]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The JSON objects of an event stream (WHATWG HTML, 9.2.6), one for each message with data, and the last id."""
     data: list[str] = []
+    last = ""
     for line in lines:
         if line.startswith("data:"):
             data.append(line[5:].removeprefix(" "))
+        elif line.startswith("id:"):
+            last = line[3:].removeprefix(" ")
         elif not line and data:
             found = json.loads("\n".join(data))
             data = []
             if isinstance(found, dict):
-                yield found
+                yield last, found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import pytest
@@ -206,6 +207,23 @@ def test_events_without_follow_end_with_the_newest():
     one = world.get("/api/v1/events?after=0&follow=false&drive=axis-02").text
     assert one.count('"number": ') == 10
     assert "id: " not in world.get("/api/v1/events?follow=false").text
+
+
+def test_a_stream_that_resumes_over_a_restart_has_every_entry_of_the_new_run():
+    def sequences(world, last):
+        text = world.get("/api/v1/events?follow=false", headers={"Last-Event-ID": last}).text
+        return [json.loads(line[6:])["sequence"] for line in text.splitlines() if line.startswith("data: ")]
+
+    before, after = ApiWorld(1, controller=False), ApiWorld(1, controller=False)
+    for number in range(5):
+        before.line.log.record(number, "axis-01", Something("try"))
+        after.line.log.record(number, "axis-01", Something("try"))
+    seen = before.get("/api/v1/events?after=2&follow=false").text
+    last = next(line[4:] for line in seen.splitlines() if line.startswith("id: "))
+    newest = after.line.log.newest
+    assert sequences(before, last) == list(range(4, newest + 1))
+    # the new run has passed that number already
+    assert sequences(after, last) == list(range(1, newest + 1))
 
 
 def test_unknown_drive_has_no_events(still):

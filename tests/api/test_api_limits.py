@@ -318,7 +318,7 @@ def test_many_streams_cost_one_rendering_of_each_event(world, monkeypatch):
                     found = ""
                     while not found.startswith("id:"):
                         found = await anext(stream)
-                    assert found == f"id: {entry.sequence}"
+                    assert found == f"id: {world.context.instance}-{entry.sequence}"
                 assert len(rendered) == 1
                 for response in held:
                     await response.aclose()

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pnfarm.api.events import format_position, parse_position
 from pnfarm.errors import ConfigError
 from pnfarm.hub.clocks import ClockOffset
 from pnfarm.hub.events import MOST_ORIGINS, Reader
-from pnfarm.hub.log import HOLD_NS, KEPT, MergedLog, format_position, parse_position
+from pnfarm.hub.log import HOLD_NS, KEPT, MergedLog
 from pnfarm.hub.settings import api_of, name_of, url_of
 from pnfarm.hub.shards import KEEP_NS, AwayError, Shards
 from pnfarm.hub.states import TRANSITIONS, ShardEvent, ShardState

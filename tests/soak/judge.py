@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pnfarm.hub.log import parse_position
+from pnfarm.api.events import parse_position
 
 __all__ = [
     "KEPT", "MOST_GROWTH", "Check", "HubOrder", "LogReader", "Stream", "answered", "longest_pause", "same_as_before",
@@ -65,7 +65,7 @@ class Stream:
             self._note(f"after {self.last} the farm says that entries are lost: {data}")
             return
         entry = json.loads(data)
-        sequence = int(number)
+        sequence = int(number.rpartition("-")[2])
         if sequence != self.last + 1:
             self._note(f"entry {sequence} came after {self.last}")
         if entry.get("sequence") != sequence:

@@ -408,7 +408,7 @@ class RealRun:
 
     def _newest(self) -> int:
         text = self.api("GET", f"{V1}/events?follow=false&after={max(0, self.stream.last - 1)}").text
-        numbers = [int(line[4:]) for line in text.split("\n") if line.startswith("id: ")]
+        numbers = [int(line.rpartition("-")[2]) for line in text.split("\n") if line.startswith("id: ")]
         return max(numbers, default=self.stream.last)
 
     # -- samples -----------------------------------------------------------------------------------------------------

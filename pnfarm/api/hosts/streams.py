@@ -27,9 +27,10 @@ class FarmStreams:
         self._views = views
 
     def events(self, begin: str | None, drive: str | None, *, follow: bool) -> AsyncIterator[str]:
+        context = self._context
         if drive is not None:
-            drive = self._context.axis(drive).configured_name
-        return event_stream(self._context, start_of(self._context.core.log, begin), drive, follow=follow)
+            drive = context.axis(drive).configured_name
+        return event_stream(context, start_of(context.core.log, context.instance, begin), drive, follow=follow)
 
     async def live(self, scope: Mapping[str, Any], chosen: Chosen) -> AsyncIterator[bytes]:
         station = None if chosen.drive is None else self._context.axis(chosen.drive)

@@ -24,8 +24,8 @@ ALL = "all"
 #: OpenAPI has no words for the parts of a stream.
 EVENT_STREAM = {
     "type": "string",
-    "description": "Each message: `id` is the entry's sequence number, `data` a LogEntry of the components as JSON. A "
-    "message of type `gap` has in `data` how many entries were `lost`.",
+    "description": "Each message: `data` is a LogEntry of the components as JSON, `id` its position, to be sent as "
+    "Last-Event-ID. A message of type `gap` has in `data` how many entries were `lost`.",
 }
 LIVE_STREAM = {
     "type": "string",
@@ -62,7 +62,7 @@ def add_streams(path: Paths, streams: StreamsHost) -> None:
 
     @path("GET events", text("text/event-stream", EVENT_STREAM), response_class=StreamingResponse)
     async def events(
-        last_event_id: Annotated[str | None, Header(description="Sequence number of the last entry received.")] = None,
+        last_event_id: Annotated[str | None, Header(description="`id` of the last message received.")] = None,
         drive: Annotated[str | None, Query(description="Only entries of this drive.")] = None,
         after: Annotated[
             int | None, Query(ge=0, description="Begin after this sequence number; 0: with the oldest entry kept.")

@@ -12,7 +12,7 @@ class LogEntry(BaseModel):
 
     model_config = ConfigDict(extra="allow")
 
-    sequence: int = Field(description="Counts from 1, without gaps over the whole farm; the id in the event stream.")
+    sequence: int = Field(description="Counts from 1, without gaps over the whole farm; anew with each run.")
     time: float = Field(description="Seconds since the epoch.")
     farm_seconds: float = Field(description="The farm's clock.")
     drive: str = Field(description="Empty for the farm itself.")
