@@ -5,7 +5,7 @@ event                 data
 ====================  =============================================================================================
 ``farm``              once: name, link, interface, lines, count of drives, faults by model, what this client may do
 ``overview``          ten times a second, what changed since the message before (:mod:`pnfarm.farm.views.overview`)
-``log``               new entries of the event log; ``lost``, if the client was too slow for some
+``log``               new entries of the event log; ``lost``, if the client was too slow for some, or away for too long
 ``drive``             of the chosen drive: its whole state, about three times a second
 ``signals``           of the chosen drive: samples of its signals since the message before (:mod:`pnfarm.trace.live`)
 ``values``            of the chosen devices and models of the plant: signals that changed since the message before
@@ -13,7 +13,8 @@ event                 data
 ====================  =============================================================================================
 
 A message is made when the client has taken the one before, and holds what changed since: a slow client gets fewer and
-larger ones, and costs no more memory than its connection.  A client may do without the first three.
+larger ones, and costs no more memory than its connection.  A client may do without the first three.  With an id of this
+stream (:mod:`pnfarm.api.events`) one that comes back gets the entries of the log that came meanwhile.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from weakref import WeakValueDictionary
 import anyio
 
 from pnfarm.api.access.guard import ROLE
-from pnfarm.api.events import ALIVE_SECONDS
+from pnfarm.api.events import ALIVE_SECONDS, format_position, start_of
 from pnfarm.api.followed import Followed
 from pnfarm.api.messages import message
 from pnfarm.farm.views.overview import Overview
@@ -68,20 +69,27 @@ class Page(Protocol):
         """The chosen drive and devices; with ``whole`` of all devices at once."""
 
 
-async def page_stream(context: Context, log: Log | None, page: Page, *, follow: bool = True) -> AsyncGenerator[bytes]:
+async def page_stream(
+    context: Context, log: Log | None, page: Page, *, begin: str | None = None, follow: bool = True
+) -> AsyncGenerator[bytes]:
     """Messages until the client goes or the API stops; without ``follow`` one of each event.
 
-    Without a ``log`` the client gets what it chose, and no overview.
+    Without a ``log`` the client gets what it chose, and no overview; its entries are those behind ``begin``, an id of
+    an earlier stream, or those from now on.
     """
     wake = anyio.Event()
 
     def stop() -> None:
         wake.set()
 
+    def position(number: int) -> bytes:
+        return format_position({context.instance: number}).encode()
+
     context.streams.add(stop)
     try:
-        yield b"retry: %d\n" % RETRY_MILLISECONDS
-        after = 0 if log is None else log.newest
+        after = 0 if log is None else start_of(log, context.instance, begin)
+        # the id is of the message that follows
+        yield b"retry: %d\n" % RETRY_MILLISECONDS + (b"" if log is None else b"id: %b\n" % position(after))
         silent = 0
         while not context.closing:
             pieces = [] if log is None else [*page.overview()]
@@ -91,7 +99,7 @@ async def page_stream(context: Context, log: Log | None, page: Page, *, follow: 
                 if lost := entries[0].sequence - after - 1:
                     found["lost"] = lost
                 after = entries[-1].sequence
-                pieces.append(message("log", found))
+                pieces.append(b"id: %b\n%b" % (position(after), message("log", found)))
             whole = b"".join([*pieces, *page.chosen(whole=not follow)])
             silent = 0 if whole else silent + 1
             if silent == ALIVE_ROUNDS:
@@ -131,6 +139,7 @@ class LiveViews:
         devices: Mapping[str, NamedSignals] | None = None,
         *,
         overview: bool = True,
+        begin: str | None = None,
         follow: bool = True,
     ) -> AsyncIterator[bytes]:
         """See :func:`page_stream`; ``station`` is the chosen drive, ``devices`` are the chosen ones by name."""
@@ -142,7 +151,7 @@ class LiveViews:
         page = _FarmPage(
             context, self._overview, scope.get(ROLE, Role.READ).covers(Role.INJECT), station, viewer, followed
         )
-        return page_stream(context, context.core.log if overview else None, page, follow=follow)
+        return page_stream(context, context.core.log if overview else None, page, begin=begin, follow=follow)
 
     def _changes_of(self, name: str, signals: NamedSignals) -> SignalChanges:
         found = self._changes.get(name)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import anyio
 
 from pnfarm.api.access.guard import ROLE
+from pnfarm.api.events import parse_position
 from pnfarm.api.live import page_stream
 from pnfarm.api.messages import message
 from pnfarm.drives.catalogue import model as model_by_name
@@ -105,7 +106,10 @@ class HubLive:
                 task = asyncio.get_running_loop().create_task(relay.run())
             page = _HubPage(self._hub, self._overview, scope.get(ROLE, Role.READ).covers(Role.INJECT), relay)
             log = self._hub.log if chosen.overview else None
-            async with aclosing(page_stream(self._hub, log, page, follow=chosen.follow)) as parts:
+            # the log of a hub that was started again has what the page had of the one before
+            known = chosen.begin is not None and self._hub.instance in (parse_position(chosen.begin) or {})
+            begin = chosen.begin if known else None
+            async with aclosing(page_stream(self._hub, log, page, begin=begin, follow=chosen.follow)) as parts:
                 async for part in parts:
                     yield part
         finally:

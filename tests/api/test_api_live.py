@@ -9,6 +9,7 @@ import json
 import anyio
 import pytest
 from api_world import ApiWorld, assert_problem
+from events import Something
 
 from pnfarm.api import live
 from pnfarm.station.events import PowerLost
@@ -44,6 +45,30 @@ def test_a_long_message_comes_in_pieces_of_a_bounded_size(world, monkeypatch):
     asyncio.run(read())
     assert max(map(len, pieces)) == 100
     assert [event for event, _ in messages(b"".join(pieces).decode())] == ["farm", "overview"]
+
+
+@pytest.mark.parametrize("way", ["header", "query"])
+def test_a_page_that_comes_back_gets_the_entries_of_the_log_that_came_meanwhile(world, way):
+    def opened(last=None):
+        given = {} if last is None else {"headers": {"Last-Event-ID": last}} if way == "header" else {"params": {"after": last}}
+        url = "/api/v1/live" if way == "query" and last is not None else "/api/v1/live?follow=false"
+        if "params" in given:
+            given["params"]["follow"] = "false"
+        text = world.get(url, **given).text
+        entries = dict(messages(text)).get("log", {"entries": []})["entries"]
+        return text.rpartition("id: ")[2].split("\n")[0], [entry.get("number") for entry in entries]
+
+    last, entries = opened()
+    assert entries == []
+    for number in range(3):
+        world.line.log.record(number, "axis-01", Something("try", {"number": number}))
+    # a page that is opened now begins now
+    assert opened()[1] == []
+    last, entries = opened(last)
+    assert entries == [0, 1, 2]
+    assert opened(last)[1] == []
+    # of another run: all of this one
+    assert opened("00000000-999")[1] != []
 
 
 def test_a_page_is_told_the_farm_and_its_drives(world):

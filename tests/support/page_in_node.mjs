@@ -59,15 +59,15 @@ globalThis.fetch = async (where, {method, body}) => {
   return {ok: true, status: 200, json: async () => value};
 };
 
-/** The page's stream: `say(event, data)` as the farm does. */
+/** The page's stream: `say(event, data, id)` as the farm does. */
 export const streams = [];
 globalThis.EventSource = class {
   static CLOSED = 2;
-  constructor() { this.takers = {}; streams.push(this); }
+  constructor(where) { this.where = where; this.takers = {}; streams.push(this); }
   addEventListener(event, take) { this.takers[event] = take; }
   close() {}
 };
-export const say = (event, data) => streams[streams.length - 1].takers[event]({data: JSON.stringify(data)});
+export const say = (event, data, lastEventId = "") => streams[streams.length - 1].takers[event]({data: JSON.stringify(data), lastEventId});
 export const FARM = {farm: "line", link: "memory", parent: null, drives: 1, writes: true, lines: {}, faults: {}};
 export const row = (name, more = {}) => ({
   name, station_name: name, model: "akd-profinet", bus: "profinet", mac: "02:00:00:00:00:01", ip: "10.0.0.1/24", address: null, ar_state: "DATA", connected: true,

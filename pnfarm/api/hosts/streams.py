@@ -35,7 +35,9 @@ class FarmStreams:
     async def live(self, scope: Mapping[str, Any], chosen: Chosen) -> AsyncIterator[bytes]:
         station = None if chosen.drive is None else self._context.axis(chosen.drive)
         devices = self._devices(chosen.devices)
-        return self._views.stream(scope, station, devices, overview=chosen.overview, follow=chosen.follow)
+        return self._views.stream(
+            scope, station, devices, overview=chosen.overview, begin=chosen.begin, follow=chosen.follow
+        )
 
     def _devices(self, names: tuple[str, ...]) -> dict[str, NamedSignals]:
         core, owners = self._context.core, self._context.core.signal_owners

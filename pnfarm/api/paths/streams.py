@@ -36,12 +36,16 @@ LIVE_STREAM = {
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """What a client of ``live`` wants: a drive in detail, signals of devices, all drives at a glance and the log."""
+    """What a client of ``live`` wants: a drive in detail, signals of devices, all drives at a glance and the log.
+
+    ``begin``: the id of the last message of an earlier stream, None: the log from now on.
+    """
 
     drive: str | None
     devices: tuple[str, ...]
     overview: bool
     follow: bool
+    begin: str | None = None
 
 
 class StreamsHost(Protocol):
@@ -76,6 +80,7 @@ def add_streams(path: Paths, streams: StreamsHost) -> None:
     @path("GET live", text("text/event-stream", LIVE_STREAM), response_class=StreamingResponse)
     async def live(
         request: Request,
+        last_event_id: Annotated[str | None, Header(description="`id` of the last message received.")] = None,
         drive: Annotated[str | None, Query(description="The drive in detail.")] = None,
         device: Annotated[
             list[str] | None,
@@ -85,8 +90,10 @@ def add_streams(path: Paths, streams: StreamsHost) -> None:
             ),
         ] = None,
         overview: Annotated[bool, Query(description="Also all drives at a glance, and the event log.")] = True,
+        after: Annotated[str | None, Query(description="As Last-Event-ID, which wins, of an earlier stream.")] = None,
         follow: Annotated[bool, Query(description="Keep sending; false: end after the first of each.")] = True,
     ) -> Response:
         """What the farm's page shows, as server-sent events: all drives, one in detail, signals of devices."""
-        chosen = Chosen(drive, tuple(dict.fromkeys(device or ())), overview, follow)
+        begin = last_event_id if last_event_id is not None else after
+        chosen = Chosen(drive, tuple(dict.fromkeys(device or ())), overview, follow, begin)
         return opened(await streams.live(request.scope, chosen))

@@ -52,30 +52,29 @@ def test_time_in_a_drive_s_plots_does_not_go_back_when_the_stream_begins_anew():
     assert seconds == [[i / 100 for i in range(611)], [i / 100 for i in range(4)]]
 
 
-def test_entries_of_the_log_that_came_without_a_stream_are_told_as_missed():
+def test_a_stream_that_begins_anew_asks_for_the_entries_of_the_log_behind_the_last_message():
     told = played("""
         const live = await import(page + "lib/live.js");
         const {Health} = await import(page + "views/health.js");
-        const entry = sequence => ({sequence, time: 0, farm_seconds: 0, drive: "", event: "FaultRaised"});
+        const entry = sequence => ({sequence, time: sequence, farm_seconds: 0, drive: "", event: `event-${sequence}`});
+        const after = () => new URLSearchParams(streams[streams.length - 1].where.split("?")[1]).get("after");
         live.look({});
-        say("farm", FARM);
-        const root = await shown(Health), told = [];
-        const entries = async (...some) => {
-            say("log", {entries: some.map(entry)});
-            await until(() => root.textContent.includes("FaultRaised"));
-            await new Promise(done => setTimeout(done, 30));
-            told.push([live.farm.lost, root.textContent.includes("5 were missed")]);
-        };
-        await entries(40, 41);
-        // without a stream there were 42 to 46
-        say("farm", FARM);
-        await entries(47);
-        // a farm that was started again counts from 1
-        say("farm", FARM);
-        await entries(1, 2);
-        return told;
+        const places = [after()];
+        say("farm", FARM, "aabbccdd-39");
+        const root = await shown(Health);
+        say("log", {entries: [40, 41].map(entry)}, "aabbccdd-41");
+        live.look({drive: "axis-01"});
+        places.push(after());
+        say("farm", FARM, "aabbccdd-41");
+        say("log", {entries: [42, 43].map(entry)}, "aabbccdd-43");
+        // of a farm that was started again there were more than it keeps
+        say("log", {entries: [5, 6].map(entry), lost: 4}, "00000001-6");
+        live.look({});
+        places.push(after());
+        await until(() => root.textContent.includes("4 were missed"));
+        return [places, live.farm.log.map(one => one.sequence)];
     """)
-    assert told == [[0, False], [5, True], [5, True]]
+    assert told == [[None, "aabbccdd-41", "00000001-6"], [40, 41, 42, 43, 5, 6]]
 
 
 TRACE = """

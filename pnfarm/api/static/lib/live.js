@@ -16,7 +16,7 @@ let pending = false;
 
 export const farm = {
   connected: false, begun: 0, error: "", told: 0, name: "pnfarm", link: "", parent: null, writes: true, lines: {}, faults: {}, seconds: 0,
-  drives: [], byName: new Map(), devices: [], devicesKnown: false, devicesAway: false, deviceByName: new Map(), engine: null, log: [], lost: 0, drive: null, signals: null, signalsFull: false,
+  drives: [], byName: new Map(), devices: [], devicesKnown: false, devicesAway: false, deviceByName: new Map(), engine: null, log: [], position: "", lost: 0, drive: null, signals: null, signalsFull: false,
   // of each device and model of the plant that is looked at: the ETag of these states, and the state of each signal by name
   values: new Map(),
 };
@@ -109,9 +109,7 @@ function takeValues(message) {
 }
 
 function takeLog(message) {
-  const last = farm.log[farm.log.length - 1], [first] = message.entries;
-  // what came while there was no stream is lost as well; a farm that began anew counts from 1
-  farm.lost += last && last.sequence < first.sequence ? first.sequence - last.sequence - 1 : message.lost || 0;
+  farm.lost += message.lost || 0;
   farm.log = [...farm.log, ...message.entries].slice(-MOST_LOG);
 }
 
@@ -164,9 +162,12 @@ function open() {
   farm.signals = null;
   for (const name of farm.values.keys()) if (!followed.includes(name)) farm.values.delete(name);
   const query = new URLSearchParams([...Object.entries(chosen).filter(([, name]) => name), ...followed.map(name => ["device", name])]);
+  // a stream that begins anew has the entries of the log that came meanwhile
+  if (farm.position) query.append("after", farm.position);
   const stream = source = new EventSource(`/api/v1/live?${query}`);
   const on = (event, take) => stream.addEventListener(event, message => {
     if (stream !== source) return;
+    farm.position = message.lastEventId || farm.position;
     take(JSON.parse(message.data));
     tell();
   });

@@ -217,6 +217,6 @@ export function Device({name, tab}) {
     ${modules.map(one => html`<${Module} key=${one.module.slot} ...${one} open=${opened[one.module.slot] ?? first.has(one.module.slot)} toggle=${toggle} device=${name} states=${states} faults=${faults}/>`)}
     ${text && !modules.length ? html`<p class="dim">No signal fits.</p>` : null}
     ${entries.length ? html`<h2>Events of this page's time</h2><div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th><th scope="col">Event</th><th scope="col">Details</th></tr></thead>
-      <tbody>${entries.map(entry => html`<${Entry} key=${entry.sequence} entry=${entry} drive=${false}/>`)}</tbody></table></div>` : null}` : null}
+      <tbody>${entries.map(entry => html`<${Entry} key=${`${entry.sequence} ${entry.time}`} entry=${entry} drive=${false}/>`)}</tbody></table></div>` : null}` : null}
   </section>`;
 }

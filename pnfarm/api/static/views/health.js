@@ -31,8 +31,8 @@ export function Health() {
     ${health && health.shards ? html`<h2>Shards</h2><table><thead><tr><th scope="col">Shard</th><th scope="col">Farm</th><th scope="col">State</th><th scope="col" class="number">Drives</th><th scope="col" class="number">Clock offset</th><th scope="col" class="number">known to</th><th scope="col">Notes</th></tr></thead>
       <tbody>${health.shards.map(one => html`<tr key=${one.shard}><th scope="row">${one.shard}</th><td>${one.farm}</td><td class=${one.state === "up" ? "good" : "bad"}>${one.state}</td><td class="number">${one.drives}</td><td class="number">${time(one.offset_seconds)}</td><td class="number">${time(one.offset_uncertainty_seconds)}</td><td class="text">${[one.reason, ...one.notes].filter(Boolean).join("; ")}</td></tr>`)}</tbody></table>` : null}
     <h2>Events of this page's time</h2>
-    ${farm.lost ? html`<p class="warn">${farm.lost} were missed: too many to follow, or without a connection.</p>` : null}
+    ${farm.lost ? html`<p class="warn">${farm.lost} were missed: too many to follow.</p>` : null}
     <div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th><th scope="col">Drive</th><th scope="col">Event</th><th scope="col">Details</th></tr></thead>
-      <tbody>${farm.log.slice(-200).reverse().map(entry => html`<${Entry} key=${entry.sequence} entry=${entry}/>`)}</tbody></table></div>
+      <tbody>${farm.log.slice(-200).reverse().map(entry => html`<${Entry} key=${`${entry.sequence} ${entry.time}`} entry=${entry}/>`)}</tbody></table></div>
   </section>`;
 }
