@@ -105,8 +105,8 @@ async def page_stream(
             if silent == ALIVE_ROUNDS:
                 whole, silent = b": alive\n\n", 0
             # of a long message, a client that does not read holds two pieces at most
-            for begin in range(0, len(whole), PIECE):
-                yield whole[begin : begin + PIECE]
+            for start in range(0, len(whole), PIECE):
+                yield whole[start : start + PIECE]
             if not follow:
                 return
             with anyio.move_on_after(INTERVAL_SECONDS):

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import AsyncExitStack
+
 import anyio
 import httpx
 import pytest
 from api_world import BASE, ApiWorld, assert_problem
 
+from pnfarm.api import serve
 from pnfarm.api.access import login
 from pnfarm.api.access.guard import MOST_STRANGERS
 from pnfarm.api.access.throttle import MOST_REQUESTS
@@ -88,12 +91,40 @@ def test_strangers_who_let_the_farm_wait_leave_room_for_who_has_a_token(guarded,
             full = {"Authorization": f"Bearer {FULL}"}
             assert (await client.get(DRIVES, headers=full)).status_code == 200
             assert (await client.get("/openapi.json", headers=full)).status_code == 200
-            assert (await client.get("/openapi.json")).status_code == 503
+            # who comes now has the place of one that let the farm wait
+            assert (await client.get("/openapi.json")).status_code == 200
             assert (await client.get("/api/v1/healthz")).status_code == 200
+            logged_in = await client.post("/", content=f"token={FULL}")
+            assert logged_in.status_code == 303
             group.cancel_scope.cancel()
 
     anyio.run(main)
     assert guarded.get("/").status_code == 200
+
+
+def test_strangers_who_do_not_read_what_they_ask_for_keep_nobody_out(guarded):
+    """The API's description several times on each of as many connections as there are places, and nothing is read."""
+
+    async def main():
+        async with anyio.create_task_group() as group, AsyncExitStack() as streams:
+
+            async def run(*, task_status):
+                await serve(guarded.app, "127.0.0.1", 0, task_status=task_status)
+
+            host, port = await group.start(run)
+            async with httpx.AsyncClient(base_url=f"http://{host}:{port}", timeout=30) as client:
+                octets = len((await client.get("/openapi.json")).content)
+                wanted = 3_000_000 // octets
+                for _ in range(MOST_STRANGERS):
+                    stream = await streams.enter_async_context(await anyio.connect_tcp(host, port))
+                    await stream.send(b"GET /openapi.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * wanted)
+                # each of them has been answered once the server has read it
+                for _ in range(3):
+                    assert (await client.get("/api/v1/healthz")).status_code == 200
+                    assert (await client.get("/")).status_code == 200
+            group.cancel_scope.cancel()
+
+    anyio.run(main)
 
 
 def test_a_form_that_does_not_come_is_waited_for_no_longer_than_a_browser_takes(guarded, monkeypatch):

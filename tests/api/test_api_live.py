@@ -50,7 +50,13 @@ def test_a_long_message_comes_in_pieces_of_a_bounded_size(world, monkeypatch):
 @pytest.mark.parametrize("way", ["header", "query"])
 def test_a_page_that_comes_back_gets_the_entries_of_the_log_that_came_meanwhile(world, way):
     def opened(last=None):
-        given = {} if last is None else {"headers": {"Last-Event-ID": last}} if way == "header" else {"params": {"after": last}}
+        given = (
+            {}
+            if last is None
+            else {"headers": {"Last-Event-ID": last}}
+            if way == "header"
+            else {"params": {"after": last}}
+        )
         url = "/api/v1/live" if way == "query" and last is not None else "/api/v1/live?follow=false"
         if "params" in given:
             given["params"]["follow"] = "false"

@@ -16,6 +16,7 @@ from ipaddress import ip_address
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
+import anyio
 from starlette.requests import Request, cookie_parser
 from starlette.responses import RedirectResponse
 
@@ -42,8 +43,8 @@ WHO = "pnfarm.who"
 ROLE = "pnfarm.role"
 #: Open without a token: for orchestrators, or without confidential content.
 OPEN_PATHS = frozenset({"/api/v1/healthz", "/api/v1/readyz", "/openapi.json"})
-#: Where a request without a good token may wait for its client, for the form or behind a long answer; and how many of
-#: them there are at once, as each has one of the places that all share.
+#: Where a request without a good token may let the farm wait, for the form or behind a long answer; and how many there
+#: are of them at once, as each has one of the places that all share.
 _WAITING_PATHS = frozenset({"/", "/openapi.json"})
 MOST_STRANGERS = 4
 #: Host and port as RFC 9110 writes them, an IPv6 address in brackets.
@@ -91,7 +92,8 @@ class Guard:
     def __init__(self, app: ASGIApp, keys: Keys | None = None) -> None:
         self._app = app
         self._keys = keys or Keys()
-        self._strangers = 0
+        #: Requests without a good token in the order of their coming, and whether their answer has begun.
+        self._strangers: dict[anyio.CancelScope, bool] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -101,16 +103,37 @@ class Guard:
         holder = self._holder(request)
         if not self._may_wait(request, holder):
             await self._answer(request, holder, send)
-        elif self._strangers >= MOST_STRANGERS:
-            sentence = f"{MOST_STRANGERS} requests without a token are being answered; try again"
-            busy = problem(HTTPStatus.SERVICE_UNAVAILABLE, sentence, request, headers={"Retry-After": "1"})
-            await busy(scope, receive, send)
         else:
-            self._strangers += 1
+            await self._answer_stranger(request, holder, send)
+
+    async def _answer_stranger(self, request: Request, holder: Holder | None, send: Send) -> None:
+        """A newcomer gets the place of the one for which the farm has waited longest, so that nobody keeps others out.
+
+        The connection ends with the answer: of several on one connection a client could leave the first ones unread.
+        """
+        begun = self._strangers
+
+        async def send_and_close(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                begun[place] = True
+                message = {**message, "headers": [*message.get("headers", ()), (b"connection", b"close")]}
+            await send(message)
+
+        if len(begun) >= MOST_STRANGERS:
+            longest = next((one for one, is_answered in begun.items() if not is_answered), None)
+            if longest is None:
+                await _busy(request, send)
+                return
+            del begun[longest]
+            longest.cancel()
+        with anyio.CancelScope() as place:
+            begun[place] = False
             try:
-                await self._answer(request, holder, send)
+                await self._answer(request, holder, send_and_close)
             finally:
-                self._strangers -= 1
+                begun.pop(place, None)
+        if place.cancelled_caught:
+            await _busy(request, send)
 
     def _may_wait(self, request: Request, holder: Holder | None) -> bool:
         is_stranger = self._keys.needed and not (holder is not None and self._keys.is_good(holder))
@@ -192,6 +215,12 @@ def _expired(holder: Holder) -> str:
 
 def _challenge(error: str = "") -> dict[str, str]:
     return {"WWW-Authenticate": f'Bearer error="{error}"' if error else "Bearer"}
+
+
+async def _busy(request: Request, send: Send) -> None:
+    sentence = f"{MOST_STRANGERS} requests without a token are being answered; try again"
+    busy = problem(HTTPStatus.SERVICE_UNAVAILABLE, sentence, request, headers={"Retry-After": "1"})
+    await busy(request.scope, request.receive, send)
 
 
 def _judge_host(request: Request) -> Response | None:
