@@ -71,6 +71,15 @@ def drive(metric: str, *more: str) -> str:
     return farm(metric, 'drive="$drive"', *more)
 
 
+def station(metric: str, *more: str) -> str:
+    """A metric of the station of the chosen drive: what all of its axes have together, such as its connection."""
+    return farm(metric, 'drive="$station"', *more)
+
+
+#: An injection acts on an axis, or on its station.
+ACTIVATIONS = farm("pnfarm_fault_activations_total", 'drive=~"$drive|$station"')
+
+
 def quantile(share: float, buckets: str, by: str = "le") -> str:
     """A quantile of a histogram over the rate interval."""
     return f"histogram_quantile({share}, sum by ({by}) (rate({buckets}[{RATE}])))"
@@ -81,11 +90,14 @@ def grown(counter: str, span: str) -> str:
     return f"(({counter} unless {counter} offset {span}) or increase({counter}[{span}]))"
 
 
-def connection(select: Callable[..., str]) -> str:
-    """State of the connection by CMDEV's numbers; on a bus without CMDEV as DATA, or none."""
-    profinet = select("pnfarm_drive_info", 'bus="profinet"')
-    state = f"{select('pnfarm_ar_state')} and on (instance, drive) {profinet}"
-    return f"({state}) or {DATA} * {select('pnfarm_ar_exchanging')}"
+def connection(of: Callable[..., str], drives: Callable[..., str], on: str) -> str:
+    """State of the connections ``of`` stations by CMDEV's numbers; on a bus without CMDEV as DATA, or none.
+
+    ``on``: the labels that these have with their ``drives`` in common.
+    """
+    profinet = drives("pnfarm_drive_info", 'bus="profinet"')
+    state = f"{of('pnfarm_ar_state')} and on ({on}) {profinet}"
+    return f"({state}) or {DATA} * {of('pnfarm_ar_exchanging')}"
 
 
 def with_model(expression: str) -> str:
@@ -116,19 +128,32 @@ def farm_variable(board: Board) -> None:
     )
 
 
+def station_variable(board: Board) -> None:
+    """The station of the chosen drive: of an axis with a name of its own another one, else the drive itself."""
+    named = f"label_replace({drive('pnfarm_axis_info')}, 'node', '$1', 'station', '(.+)')"
+    own = f"label_replace({drive('pnfarm_drive_info')}, 'node', '$1', 'drive', '(.+)')"
+    board.derived(
+        "station",
+        f"{named} or on (instance, drive) {own}",
+        "node",
+        description="Station that has the drive's connection.",
+    )
+
+
 def annotations(board: Board, *, of_drive: bool) -> None:
     """Marks for injected faults, the drives' own, and lost connections."""
     select = drive if of_drive else farm
     if of_drive:
         expression = f"{drive('pnfarm_drive_faults_active')} > 0"
         board.annotation("Injected faults", expression, "injected", "injected faults in force on $drive", PURPLE)
-        expression = f"sum by (kind) ({grown(select('pnfarm_fault_activations_total'), '10s')}) > 0"
+        expression = f"sum by (kind) ({grown(ACTIVATIONS, '10s')}) > 0"
         board.annotation("Injected fault acts", expression, "{{kind}}", "an injected fault acted on $drive", PURPLE)
     else:
         expression = f"sum by (kind) ({select('pnfarm_faults_active')}) > 0"
         board.annotation("Injected faults", expression, "{{kind}}", "fault {{kind}} active", PURPLE)
     expression = f"sum by (drive, code) ({grown(select('pnfarm_axis_faults_total'), '10s')}) > 0"
     board.annotation("Drive faults", expression, "F{{code}}", "fault {{code}} of {{drive}}", RED)
-    expression = f"sum by (drive, reason, cause) ({grown(select('pnfarm_ar_aborts_total'), '10s')}) > 0"
+    aborts = (station if of_drive else farm)("pnfarm_ar_aborts_total")
+    expression = f"sum by (drive, reason, cause) ({grown(aborts, '10s')}) > 0"
     text = "connection of {{drive}} aborted: {{reason}}, cause: {{cause}}"
     board.annotation("Connections lost", expression, "{{drive}}", text, ORANGE)

@@ -175,7 +175,7 @@ def _overview_drives(board: Board) -> None:
     )
     columns = [
         ("State", f"max by (drive) ({farm('pnfarm_axis_state')})"),
-        ("Connection", f"max by (drive) ({connection(farm)})"),
+        ("Connection", f"max by (drive) ({connection(farm, farm, 'instance, drive')})"),
         ("Fault", f"max by (drive) ({farm('pnfarm_axis_fault_active')})"),
         ("Speed", f"max by (drive) ({farm('pnfarm_axis_velocity_rpm')})"),
         ("Set point", f"max by (drive) ({farm('pnfarm_axis_setpoint_rpm')})"),

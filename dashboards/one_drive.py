@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from common import (
+    ACTIVATIONS,
     BAD_BITS,
     BITS,
     CONNECTIONS,
@@ -20,6 +21,8 @@ from common import (
     mean,
     quantile,
     spaced,
+    station,
+    station_variable,
 )
 from panels import (
     BLUE,
@@ -57,6 +60,7 @@ def one_drive() -> Json:
     board.variable(
         "drive", "Drive", farm("pnfarm_axis_state"), "drive", everything=False, description="Name in the farm file."
     )
+    station_variable(board)
     annotations(board, of_drive=True)
     board.dashboard_link("Farm overview", f"/d/{FARM_UID}?var-farm=${{farm}}")
     _drive_now(board)
@@ -95,7 +99,7 @@ def _drive_now(board: Board) -> None:
     board.add(
         stat(
             "Connection",
-            [target(connection(drive))],
+            [target(connection(station, drive, "instance"))],
             "State of CMDEV; DATA: cyclic data flows (on any bus).",
             mappings=value_names(CONNECTIONS),
             steps=grey,
@@ -106,7 +110,7 @@ def _drive_now(board: Board) -> None:
     board.add(
         stat(
             "Cycle",
-            [target(drive("pnfarm_ar_cycle_seconds"))],
+            [target(station("pnfarm_ar_cycle_seconds"))],
             "Cycle of the IO data, as requested by the controller.",
             unit="s",
             mappings=[zero_is("-")],
@@ -141,7 +145,7 @@ def _drive_now(board: Board) -> None:
     board.add(
         stat(
             "Watchdog",
-            [target(f"sum({drive('pnfarm_watchdog_expirations_total')})")],
+            [target(f"sum({station('pnfarm_watchdog_expirations_total')})")],
             "Number of times that the controller's frames stopped.",
             steps=NONE_IS_GOOD,
         ),
@@ -252,7 +256,12 @@ def _word_bits(board: Board) -> None:
         4,
     )
     board.add(
-        state_timeline("Connection", targets((connection(drive), "connection")), "State of CMDEV.", CONNECTIONS),
+        state_timeline(
+            "Connection",
+            targets((connection(station, drive, "instance"), "connection")),
+            "State of CMDEV.",
+            CONNECTIONS,
+        ),
         12,
         4,
     )
@@ -260,7 +269,7 @@ def _word_bits(board: Board) -> None:
 
 def _drive_connection(board: Board) -> None:
     board.row("Controller and frames")
-    interval = drive("pnfarm_controller_frame_interval_seconds_bucket")
+    interval = station("pnfarm_controller_frame_interval_seconds_bucket")
     board.add(
         heatmap(
             "Interval of the controller's frames",
@@ -270,13 +279,13 @@ def _drive_connection(board: Board) -> None:
         8,
         8,
     )
-    jitter = drive("pnfarm_controller_jitter_seconds_bucket")
+    jitter = station("pnfarm_controller_jitter_seconds_bucket")
     board.add(
         timeseries(
             "Jitter",
             [
                 *targets(*((quantile(share, jitter), name) for share, name in ((0.5, "p50"), (0.99, "p99")))),
-                target(f"rate({drive('pnfarm_controller_missed_updates_total')}[{RATE}])", "missed updates", ref="C"),
+                target(f"rate({station('pnfarm_controller_missed_updates_total')}[{RATE}])", "missed updates", ref="C"),
             ],
             "Deviation of the controller's frames from the agreed cycle; missed updates per second on the right.",
             unit="s",
@@ -289,7 +298,9 @@ def _drive_connection(board: Board) -> None:
     board.add(
         timeseries(
             "Cause of expired watchdogs",
-            targets((f"sum by (cause) (increase({drive('pnfarm_watchdog_expirations_total')}[{RATE}]))", "{{cause}}")),
+            targets(
+                (f"sum by (cause) (increase({station('pnfarm_watchdog_expirations_total')}[{RATE}]))", "{{cause}}")
+            ),
             "Expired watchdogs; cause farm: the farm itself was later than its budget.",
             unit="none",
             minimum=0,
@@ -304,7 +315,7 @@ def _drive_connection(board: Board) -> None:
             "Interval",
             [
                 *targets((quantile(0.5, interval), "p50"), (quantile(0.99, interval), "p99")),
-                target(f"{drive('pnfarm_ar_cycle_seconds')} > 0", "agreed cycle", ref="C"),
+                target(f"{station('pnfarm_ar_cycle_seconds')} > 0", "agreed cycle", ref="C"),
             ],
             "Quantiles of the interval, and the agreed cycle.",
             unit="s",
@@ -329,10 +340,10 @@ def _drive_connection(board: Board) -> None:
         timeseries(
             "Cyclic frames",
             targets(
-                (f"rate({drive('pnfarm_frames_sent_total')}[{RATE}])", "sent"),
-                (f"rate({drive('pnfarm_frames_received_total')}[{RATE}])", "received"),
+                (f"rate({station('pnfarm_frames_sent_total')}[{RATE}])", "sent"),
+                (f"rate({station('pnfarm_frames_received_total')}[{RATE}])", "received"),
                 (
-                    f"sum by (reason) (rate({drive('pnfarm_frames_discarded_total')}[{RATE}])) > 0",
+                    f"sum by (reason) (rate({station('pnfarm_frames_discarded_total')}[{RATE}])) > 0",
                     "discarded: {{reason}}",
                 ),
             ),
@@ -348,8 +359,8 @@ def _drive_connection(board: Board) -> None:
 def _drive_faults(board: Board) -> None:
     board.row("Faults and recovery")
     codes = f"sum by (code) ({grown(drive('pnfarm_axis_faults_total'), '$__range')}) > 0"
-    aborts = f"sum by (reason, cause) ({grown(drive('pnfarm_ar_aborts_total'), '$__range')}) > 0"
-    acts = f"sum by (kind) ({grown(drive('pnfarm_fault_activations_total'), '$__range')}) > 0"
+    aborts = f"sum by (reason, cause) ({grown(station('pnfarm_ar_aborts_total'), '$__range')}) > 0"
+    acts = f"sum by (kind) ({grown(ACTIVATIONS, '$__range')}) > 0"
     for title, expression, legend, what in (
         ("Faults", codes, "F{{code}}", "Faults of the drive in the shown range, by number."),
         (

@@ -306,6 +306,23 @@ class Board:
             found["current"] = {"text": "All", "value": "$__all", "selected": True}
         self.json["templating"]["list"].append(found)
 
+    def derived(self, name: str, expression: str, label: str, *, description: str) -> None:
+        """A variable that nobody chooses: a label's value in the answer to a query."""
+        query = f"query_result({expression})"
+        self.json["templating"]["list"].append(
+            {
+                "name": name,
+                "description": description,
+                "type": "query",
+                "hide": 2,
+                "datasource": DATASOURCE,
+                "definition": query,
+                "query": {"query": query, "refId": f"variable-{name}"},
+                "regex": f'/{label}="([^"]+)"/',
+                "refresh": 2,
+            }
+        )
+
     def annotation(self, name: str, expression: str, title: str, text: str, shade: str) -> None:
         """Marks on every curve while the query has a value."""
         self.json["annotations"]["list"].append(

@@ -10,8 +10,11 @@ import pytest
 from rig_dashboards import ROOT, queries
 
 from pnfarm.metrics import FarmCollector
+from pnfarm.metrics.collector import connection_numbers
 from pnfarm.testing import Line
 
+OVERVIEW, ONE_DRIVE = (ROOT / "dashboards" / "json" / f"{name}.json" for name in ("farm-overview", "one-drive"))
+DATA = connection_numbers("profinet")["DATA"]
 FARM = f"""
 farm: line
 link: {{kind: memory}}
@@ -28,18 +31,50 @@ controller: {{name: plc, ip: 10.77.1.250/23, cycle: 16ms, watchdog_factor: 3}}
 """
 
 
-@pytest.mark.skipif(shutil.which("promtool") is None, reason="promtool is not installed (apt-get install prometheus)")
-def test_all_of_a_farm_that_exchanges_data_is_a_hundred_percent(tmp_path):
-    query = queries(ROOT / "dashboards" / "json" / "farm-overview.json")["Exchanging data A"]
+needs_promtool = pytest.mark.skipif(
+    shutil.which("promtool") is None, reason="promtool is not installed (apt-get install prometheus)"
+)
+
+
+@pytest.fixture(scope="module")
+def ask(tmp_path_factory):
+    """Whether queries have these values of the farm while all of it exchanges data."""
+    folder = tmp_path_factory.mktemp("prometheus")
     with Line.from_text(FARM) as line:
         collector = FarmCollector(line.core)
         line.wait_connected()
-        rows = [row for row in collector.gather().text().decode().splitlines() if row.startswith("pnfarm_a")]
+        rows = [row for row in collector.gather().text().decode().splitlines() if not row.startswith("#")]
     series = [dict(zip(("series", "values"), row.rsplit(" ", 1), strict=True)) for row in rows]
-    expected = {"expr": query, "eval_time": "0", "exp_samples": [{"labels": "{}", "value": 1}]}
-    rules = {"tests": [{"interval": "1s", "input_series": series, "promql_expr_test": [expected]}]}
-    (tmp_path / "test.json").write_text(json.dumps(rules), "utf-8")
-    run = subprocess.run(
-        ["promtool", "test", "rules", "test.json"], cwd=tmp_path, capture_output=True, text=True, check=False
+
+    def ask(expected):
+        tests = [
+            {"expr": query, "eval_time": "0", "exp_samples": [{"labels": labels, "value": value}]}
+            for query, labels, value in expected
+        ]
+        rules = {"tests": [{"interval": "1s", "input_series": series, "promql_expr_test": tests}]}
+        (folder / "test.json").write_text(json.dumps(rules), "utf-8")
+        run = subprocess.run(
+            ["promtool", "test", "rules", "test.json"], cwd=folder, capture_output=True, text=True, check=False
+        )
+        assert run.returncode == 0, run.stdout + run.stderr
+
+    return ask
+
+
+@needs_promtool
+def test_all_of_a_farm_that_exchanges_data_is_a_hundred_percent(ask):
+    ask([(queries(OVERVIEW)["Exchanging data A"], "{}", 1)])
+
+
+@needs_promtool
+@pytest.mark.parametrize(("drive", "station"), [("drive", "drive"), ("system.y", "system")])
+def test_an_axis_with_a_name_of_its_own_is_shown_with_the_connection_of_its_station(ask, drive, station):
+    found = queries(ONE_DRIVE, drive=drive, station=station)
+    ask(
+        [
+            (f"sum by (node) ({found['variable station']})", f'{{node="{station}"}}', 1),
+            (f"sum({found['Connection A']})", "{}", DATA),
+            (f"sum({found['Cycle A']})", "{}", 0.016),
+            (f"sum({found['Watchdog A']})", "{}", 0),
+        ]
     )
-    assert run.returncode == 0, run.stdout + run.stderr

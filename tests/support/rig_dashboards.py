@@ -18,14 +18,20 @@ def panels(path):
     return [panel for panel in board(path)["panels"] if panel["type"] != "row"]
 
 
-def queries(path, *, drive="axis-01", seconds=120):
-    """What each is called -> query, for one drive and a time range."""
-    words = {"$__rate_interval": "10s", "$__range": f"{seconds}s", "$farm": ".*", "$drive": drive}
+def queries(path, *, drive="axis-01", station=None, seconds=120):
+    """What each is called -> query, for one drive, its station and a time range; also of variables that are derived."""
+    words = {
+        "$__rate_interval": "10s",
+        "$__range": f"{seconds}s",
+        "$farm": ".*",
+        "$drive": drive,
+        "$station": station or drive,
+    }
 
     def filled(expression):
         for word, value in words.items():
             expression = expression.replace(word, value)
-        assert "$" not in expression, expression
+        assert "$" not in expression.replace("'$1'", ""), expression
         return expression
 
     found = {
@@ -34,4 +40,9 @@ def queries(path, *, drive="axis-01", seconds=120):
         for target in panel["targets"]
     }
     found |= {f"annotation {note['name']}": filled(note["expr"]) for note in board(path)["annotations"]["list"]}
+    found |= {
+        f"variable {one['name']}": filled(one["definition"].removeprefix("query_result(").removesuffix(")"))
+        for one in board(path)["templating"]["list"]
+        if one.get("definition", "").startswith("query_result(")
+    }
     return found
