@@ -10,6 +10,7 @@ import re
 import time
 from collections import deque
 from dataclasses import dataclass
+from functools import cache
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -19,10 +20,13 @@ from starlette.responses import Response
 
 from pnfarm.api.context import Context
 from pnfarm.errors import ConfigError
+from pnfarm.farm.events import StateRestored
 from pnfarm.hub.client import REQUEST_SECONDS, Answer, ShardClient
 from pnfarm.hub.log import MergedLog
 from pnfarm.hub.shards import AwayError, Shard, Shards
 from pnfarm.hub.states import ShardEvent
+from pnfarm.station.event import texts_of
+from pnfarm.station.events import PowerReturned, StationRenamed
 from pnfarm.version import __version__
 from pnfarm.vocabulary.trust import client_context
 from pnfarm.web.bodies import PREFIX
@@ -82,6 +86,12 @@ def passed_on(answer: Answer) -> Response:
     headers = _NO_PAGE | ({} if answer.tag is None else {"ETag": answer.tag})
     media_type = answer.media_type or "application/octet-stream"
     return Response(answer.body, answer.status, headers=headers, media_type=media_type)
+
+
+@cache
+def _renaming() -> frozenset[str]:
+    """Events behind which stations may have other names; those of buses are known once their paths were declared."""
+    return texts_of((StationRenamed, StateRestored))
 
 
 class RefusedError(ConfigError):
@@ -273,24 +283,36 @@ class Hub(Context):
         about = await self._clock(shard)
         if about["kind"] != "farm":
             raise AwayError(f"{shard.label} is itself a hub: give the shards behind it", slug="hub")
-        if about["instance"] != shard.instance or not (shard.drives or shard.devices):
+        is_new = about["instance"] != shard.instance or not (shard.drives or shard.devices)
+        if is_new:
             shard.clock.forget()
             for _ in range(FIRST_PROBES):
                 about = await self._clock(shard)
-            answer = await self.client(shard).ask("GET", f"{PREFIX}/drives")
-            view = read(shard, answer, "drives", "engine", "lines", "link")
-            devices = read(shard, await self.client(shard).ask("GET", f"{PREFIX}/devices"), "devices")
-            plant = await self.client(shard).ask("GET", f"{PREFIX}/plant")
+        if is_new or shard.may_be_renamed:
+            await self._read_stations(shard)
+        if is_new:
+            shard.faults.clear()
+        shard.about = about
+        same = about["pnfarm"] == __version__
+        shard.notes = [] if same else [f"runs pnfarm {about['pnfarm']}, and this hub {__version__}"]
+
+    async def _read_stations(self, shard: Shard) -> None:
+        client = self.client(shard)
+        # a name that is set meanwhile may be missed
+        shard.may_be_renamed = False
+        try:
+            view = read(shard, await client.ask("GET", f"{PREFIX}/drives"), "drives", "engine", "lines", "link")
+            devices = read(shard, await client.ask("GET", f"{PREFIX}/devices"), "devices")
+            plant = await client.ask("GET", f"{PREFIX}/plant")
             # a farm of an older version has none
             models = [] if plant.status == HTTPStatus.NOT_FOUND else read(shard, plant, "models")["models"]
             try:
                 self.shards.take(shard, view, devices["devices"], models)
             except (KeyError, TypeError) as exc:
                 raise AwayError(f"{shard.label} lists drives or devices as no farm does", slug="garbage") from exc
-            shard.faults.clear()
-        shard.about = about
-        same = about["pnfarm"] == __version__
-        shard.notes = [] if same else [f"runs pnfarm {about['pnfarm']}, and this hub {__version__}"]
+        except AwayError:
+            shard.may_be_renamed = True
+            raise
 
     async def _clock(self, shard: Shard) -> dict[str, Any]:
         asked = self.now()
@@ -329,4 +351,9 @@ class Hub(Context):
             str(entry["drive"] + entry["event"])
         except (KeyError, TypeError, ValueError, OverflowError) as exc:
             raise AwayError(f"{shard.label} sends entries that no farm has", slug="garbage") from exc
+        if moved["event"] in _renaming() or (
+            # without its supply it forgets a name that was set until then
+            moved["event"] == PowerReturned.TEXT and not shard.has_own_name(moved["drive"])
+        ):
+            shard.may_be_renamed = True
         self.log.take(shard.instance, number, round(moved["farm_seconds"] * 1e9), moved)

@@ -32,11 +32,12 @@ from pnfarm.scenario.measures import measured, reading_of, show_comparison
 from pnfarm.scenario.report.record import Case, Verdict
 from pnfarm.signals.device_signal import note_forces, releases
 from pnfarm.station import events
+from pnfarm.station.event import texts_of
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Coroutine, Generator, Iterable, Mapping, Sequence
+    from collections.abc import Coroutine, Generator, Mapping, Sequence
 
     from pnfarm.hub.hosts.faults import HubFaults
     from pnfarm.hub.hub import Hub
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
     from pnfarm.scenario.definition.binding import Binding
     from pnfarm.scenario.definition.steps import MetricName, Step
     from pnfarm.scenario.measures import Reading
-    from pnfarm.station.event import Event
 
 __all__ = ["HubRun"]
 
@@ -66,10 +66,6 @@ _TOLD = (
     events.PowerReturned, events.ConnectionEstablished, events.ConnectionLost, events.ConnectionReleased,
     events.WatchdogExpired,
 )  # fmt: skip
-
-
-def _texts(kinds: Iterable[type[Event]]) -> frozenset[str]:
-    return frozenset(text for kind in kinds for text in (kind.TEXT, *_texts(kind.__subclasses__())))
 
 
 class _Injected:
@@ -134,7 +130,7 @@ class HubRun(Flow):
         for name, view in hub.shards.views.items():
             if (station := view.get("station_name")) not in hub.shards.views:
                 self._axes.setdefault(str(station), []).append(name)
-        self._told_texts = _texts(_TOLD)
+        self._told_texts = texts_of(_TOLD)
         self._ending: asyncio.Task[None] | None = None
         self._unsubscribe = hub.log.subscribe(self._note)
 

@@ -56,6 +56,10 @@ class Shard:
     view: dict[str, Any] = field(default_factory=dict)
     #: Its devices by name, and what `model:` means each by; the same for its whole run.
     devices: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    #: The present name of station of each.
+    device_names: dict[str, str] = field(default_factory=dict)
+    #: Whether stations may have other names than those that were read.
+    may_be_renamed: bool = False
     #: The models of its plant, which have signals, too, and the kind of each.
     models: dict[str, str] = field(default_factory=dict)
     #: Its faults by id as they were seen last.
@@ -83,6 +87,11 @@ class Shard:
     def fault_id(self, own: str) -> str:
         """What a fault of its is called at the hub: an id that the shard made up is the same on others."""
         return f"{own}@{self.label}" if OWN_FAULT.fullmatch(own) else own
+
+    def has_own_name(self, name: str) -> bool:
+        """Whether a station has the name on its bus that it has in the farm file."""
+        view = self.drives.get(name)
+        return (self.device_names.get(name) if view is None else view.get("station_name")) == name
 
     def away(self) -> AwayError:
         """Why it cannot be asked."""
@@ -190,13 +199,15 @@ class Shards:
         devices: Iterable[Mapping[str, Any]] | None = None,
         models: Iterable[Mapping[str, Any]] = (),
     ) -> None:
-        """Its answer to ``GET drives``, and in a new run its ``devices`` and the ``models`` of its plant."""
-        if devices is not None:
-            shard.models = {str(one["name"]): str(one["kind"]) for one in models}
+        """Its answer to ``GET drives``, and where it was asked for them its ``devices`` and ``models`` of the plant."""
         drives = {str(one["name"]): one for one in view["drives"]}
-        known = shard.devices if devices is None else {str(one["name"]): tuple(one["models"]) for one in devices}
         same = devices is None and drives.keys() == shard.drives.keys()
-        shard.drives, shard.devices = drives, known
+        if devices is not None:
+            rows = {str(one["name"]): one for one in devices}
+            shard.models = {str(one["name"]): str(one["kind"]) for one in models}
+            shard.devices = {name: tuple(one["models"]) for name, one in rows.items()}
+            shard.device_names = {name: str(one.get("station_name", name)) for name, one in rows.items()}
+        shard.drives = drives
         shard.view = {key: value for key, value in view.items() if key != "drives"}
         if not same:
             self._index()
@@ -245,7 +256,12 @@ class Shards:
     def known_as(self) -> dict[str, KnownDrive]:
         """Every drive and device, as globs see it."""
         drives = {name: KnownDrive(_names(view), _models(str(view["model"]))) for name, view in self.views.items()}
-        return {**drives, **{name: KnownDrive((name,), models) for name, models in self.devices.items()}}
+        present = {name: one for shard in self._all.values() for name, one in shard.device_names.items()}
+        devices = {
+            name: KnownDrive(tuple(dict.fromkeys((name, present.get(name) or name))), models)
+            for name, models in self.devices.items()
+        }
+        return {**drives, **devices}
 
     @property
     def traced_as(self) -> dict[str, KnownDrive]:
@@ -304,11 +320,12 @@ class Shards:
 
     def known_device(self, name: str) -> Shard:
         """The shard that has a device or a model of the plant; as :meth:`known`."""
-        return self._one_of("device", name, self._device_owners)
+        return self._one_of("device", self._own_device(name), self._device_owners)
 
     def known_station(self, name: str) -> Shard:
         """The shard that has a drive or a device; as :meth:`known`."""
-        return self.known_device(name) if name in self._device_owners and name not in self._owners else self.known(name)
+        is_device = name not in self._owners and self._own_device(name) in self._device_owners
+        return self.known_device(name) if is_device else self.known(name)
 
     def device_owner(self, name: str) -> Shard:
         """The shard that has a device; raises as :meth:`owner`."""
@@ -333,6 +350,15 @@ class Shards:
             for own, view in shard.drives.items():
                 if view.get("station_name") == name:
                     return own
+        return name
+
+    def _own_device(self, name: str) -> str:
+        """As :meth:`_renamed`, of a device."""
+        if name not in self._device_owners:
+            for shard in self._all.values():
+                for own, present in shard.device_names.items():
+                    if present == name:
+                        return own
         return name
 
 

@@ -24,9 +24,9 @@ from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar, dataclass_transform
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
-__all__ = ["Event", "Level", "event", "shown", "unshown"]
+__all__ = ["Event", "Level", "event", "shown", "texts_of", "unshown"]
 
 Level = Literal["debug", "info", "warning", "error"]
 _Kind = TypeVar("_Kind", bound="Event")
@@ -107,6 +107,11 @@ def event(text: str = "", level: Level | None = None) -> Callable[[type[_Kind]],
         return made
 
     return declare
+
+
+def texts_of(kinds: Iterable[type[Event]]) -> frozenset[str]:
+    """By which the log has these events, and what buses make of them."""
+    return frozenset(text for kind in kinds for text in (kind.TEXT, *texts_of(kind.__subclasses__())))
 
 
 def plain(value: Any) -> Any:

@@ -39,6 +39,7 @@ __all__ = [
     "PowerReturned",
     "StartUpPhase",
     "StateChanged",
+    "StationRenamed",
     "TelegramChanged",
     "WarningChanged",
     "WatchdogExpired",
@@ -156,6 +157,14 @@ class OutputsChanged(Event):
     @property
     def text(self) -> str:
         return "outputs good" if self.good else "outputs bad"
+
+
+# -- its name ----------------------------------------------------------------------------------------------------------
+
+
+@event()
+class StationRenamed(Event):
+    """The station may have another name on its bus."""
 
 
 # -- its address, on buses with IP ------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from hub_world import HubWorld
 
 from pnfarm import __version__
 from pnfarm.hub.states import ShardEvent
+from pnfarm.protocols.profinet.dcp.rules import NameSet
 
 
 @pytest.fixture
@@ -64,6 +65,32 @@ def test_what_a_renamed_drive_lacks_is_told_as_of_any_other(world):
     world.get("drives")
     assert world.get("drives/press-left").json()["name"] == "pump-01"
     assert_problem(world.get("drives/press-left/params/NO.SUCH"), 404, "has no parameter 'NO.SUCH'")
+
+
+def test_a_name_that_a_controller_sets_is_known_within_a_second(world):
+    shard = world[2]
+    station = shard.farm.station("pump-01")
+    now = shard.line.world.now
+    station.device.dcp.name = "press-left"
+    station.device.addressing.take_dcp(NameSet("press-left", False), now)
+    shard.farm.settle(station, now)
+    assert_problem(world.get("drives/press-left"), 404)
+    world.follow()
+    world.probe()
+    listed = shard.requests.count("GET /api/v1/drives")
+    assert world.get("drives/press-left").json()["name"] == "pump-01"
+    assert world.post("faults?dry_run=true", {"kind": "silence", "on": "press-*"}).json()["drives"] == ["pump-01"]
+    # nothing is read while no name changes
+    world.post("drives/axis-01/power-cycle")
+    world.follow()
+    world.probe()
+    assert shard.requests.count("GET /api/v1/drives") == listed
+    # a name that is not permanent is gone without supply
+    world.post("drives/pump-01/power-cycle")
+    world.run(1.0)
+    world.follow()
+    world.probe()
+    assert_problem(world.get("drives/press-left"), 404)
 
 
 def test_a_body_in_chunks_reaches_the_shard(world):

@@ -13,6 +13,7 @@ from pnfarm.station.events import (
     ConnectionOpened,
     ConnectionRefused,
     ConnectionReleased,
+    StationRenamed,
 )
 
 if TYPE_CHECKING:
@@ -213,7 +214,7 @@ class DiagnosisDisappeared(DiagnosisEvent):
 
 
 @event("name set")
-class NameSet(Event):
+class NameSet(StationRenamed):
     """DCP set the station's name."""
 
     name: str
@@ -239,7 +240,7 @@ class SignalEnded(Event):
 
 
 @event("factory reset")
-class FactoryResetDone(Event):
+class FactoryResetDone(StationRenamed):
     """DCP ResetToFactory, with what was cleared."""
 
     mode: str
