@@ -8,11 +8,12 @@ from pydantic import ConfigDict, Field
 
 from pnfarm.api.paths.farm import Findings, Health, Reactions, Ready
 from pnfarm.api.paths.faults import Fault, Faults, Reset, Targets
+from pnfarm.api.paths.plant import PlantModelView, PlantView, WireView
 from pnfarm.api.paths.states import SavedState, SavedStates
 from pnfarm.api.paths.traces import Traces
 from pnfarm.api.schemas.device import DeviceRow, DevicesView, StationsView, StationView
 from pnfarm.api.schemas.drive import Drive
-from pnfarm.api.schemas.farm import FarmView
+from pnfarm.api.schemas.farm import FarmView, LineView
 from pnfarm.api.schemas.readiness import ReadinessView, StationReadiness
 from pnfarm.web.bodies import Schema
 from pnfarm.web.paths import Described
@@ -40,8 +41,13 @@ class HubDrive(Drive):
     claimed_by: list[str] = Field(default=[], description="Only of a drive that several shards claim.")
 
 
+class HubLine(LineView):
+    shard: str = Field(default="", description="Only where there are several.")
+
+
 class HubFarmView(FarmView, _Partial):
     model_config = ConfigDict(title="HubFarmView")
+    lines: list[HubLine]  # type: ignore[assignment]  # each of them has its shard besides
     drives: tuple[HubDrive, ...]
 
 
@@ -67,6 +73,19 @@ class HubDevice(DeviceRow):
 
 class HubDevices(DevicesView, _Partial):
     devices: tuple[HubDevice, ...]
+
+
+class HubPlantModel(PlantModelView):
+    shard: str
+
+
+class HubWire(WireView):
+    shard: str
+
+
+class HubPlant(PlantView, _Partial):
+    models: list[HubPlantModel]  # type: ignore[assignment]  # as above
+    wires: list[HubWire]  # type: ignore[assignment]  # as above
 
 
 class NotHit(Schema):
@@ -157,6 +176,7 @@ DESCRIBED = {
     "get_drives": Described("All farms as one: every drive, also of shards that do not answer", {200: HubFarmView}),
     "get_stations": Described("Every station of every shard", {200: HubStations}),
     "get_devices": Described("Every device of every shard", {200: HubDevices}),
+    "get_plant": Described("The plants of all farms", {200: HubPlant}),
     "get_faults": Described("Pending and active faults on all shards, with their evidence", {200: HubFaults}),
     "post_fault": Described(
         "Inject a fault into drives and devices of any shards at one moment; with dry_run only list them",

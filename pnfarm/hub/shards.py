@@ -120,7 +120,9 @@ _DIGITS = re.compile(r"([0-9]+)")
 
 def natural(name: str) -> tuple[Any, ...]:
     """Orders ``axis-2`` before ``axis-10``, whatever the shards are."""
-    return tuple((1, int(part), part) if part.isdigit() else (0, 0, part) for part in _DIGITS.split(name[:250]) if part)
+    parts = _DIGITS.split(name[:250])
+    # the odd ones are those that it splits at
+    return tuple((1, int(part), part) if place % 2 else (0, 0, part) for place, part in enumerate(parts) if part)
 
 
 class Shards:
@@ -166,10 +168,11 @@ class Shards:
         for shard in list(self._all.values()):
             if shard.left_ns is None or shard.asked:
                 continue
-            elsewhere = shard.drives and all(
-                any(owner is not shard and owner.asked for owner in self._owners.get(name, ())) for name in shard.drives
-            )
-            if elsewhere or not shard.drives or now - shard.left_ns > KEEP_NS:
+            owners = [self._owners.get(name, []) for name in shard.drives]
+            owners += [self._device_owners.get(name, []) for name in (*shard.devices, *shard.models)]
+            # of one that never answered nothing is known
+            elsewhere = all(any(one is not shard and one.asked for one in found) for found in owners)
+            if elsewhere or now - shard.left_ns > KEEP_NS:
                 del self._all[shard.url]
                 gone.append(shard)
         if gone:

@@ -385,6 +385,34 @@ def test_the_hub_describes_what_it_answers(world):
         jsonschema.validate(world.get(path).json(), {**schema, "components": described["components"]})
 
 
+def test_each_list_is_as_the_hub_describes_it_also_while_a_shard_is_away(monkeypatch):
+    monkeypatch.setattr("pnfarm.api.hosts.farm.examine", list)
+    more = """  - {name: dp-NUMBER, model: moog-msd-dp, address: 11}
+plant:
+  step: 2ms
+  models: [{name: gripper-NUMBER, kind: cylinder, time: 20ms}, {name: parts-NUMBER, kind: counter}]
+  wires: [gripper-NUMBER.extended -> parts-NUMBER.up]
+"""
+    world = HubWorld(("axis-{n:02}", 1), ("pump-{n:02}", 1), devices=more)
+    described = world.app.openapi()
+    paths = [path for path, of in described["paths"].items() if "get" in of and "{" not in path]
+
+    def wrong():
+        found = []
+        for path in paths:
+            content = described["paths"][path]["get"]["responses"]["200"]["content"]
+            answer = world.get(path.removeprefix("/api/v1/")) if "application/json" in content else None
+            if answer is not None and answer.status_code == 200:
+                schema = {**content["application/json"]["schema"], "components": described["components"]}
+                errors = jsonschema.Draft202012Validator(schema).iter_errors(answer.json())
+                found += [f"{path}: {error.json_path}: {error.message[:100]}" for error in errors]
+        return found
+
+    assert wrong() == []
+    world.lose(2)
+    assert wrong() == []
+
+
 def test_the_hubs_metrics_are_its_own_and_few(world):
     world.lose(2)
     transport = httpx.ASGITransport(world.app)

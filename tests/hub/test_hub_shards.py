@@ -59,6 +59,9 @@ def test_drives_are_in_natural_order_whatever_the_shards():
     assert shards.names == ("axis-1", "axis-2", "axis-3", "axis-10", "pump")
     with pytest.raises(NotFoundError, match=r"did you mean pump\?"):
         shards.owner("pumb")
+    # a digit that is no part of a number
+    up(shards, "http://c:1", "axis-1²")
+    assert shards.names[:3] == ("axis-1", "axis-1²", "axis-2")
 
 
 def test_a_drive_that_two_claim_is_nobodys_until_one_is_away():
@@ -107,6 +110,20 @@ def test_a_shard_that_left_dns_is_kept_for_a_time_and_one_that_moved_is_not():
     shards.take(third, view("y"))
     assert shards.forget(6 * SECOND) == [other]
     assert shards.owner("y") is third
+
+
+def test_a_shard_with_devices_alone_is_kept_for_the_same_time():
+    shards = Shards()
+    shards.found(["http://a:1"], 0)
+    (one,) = shards
+    shards.note(one, ShardEvent.ANSWERED, "", 0, 0.0)
+    shards.take(one, view(), [{"name": "island", "models": ["EX-ISL-100"]}])
+    shards.found([], SECOND)
+    shards.note(one, ShardEvent.REFUSED, "gone", 2 * SECOND, 2.0)
+    assert shards.forget(SECOND + KEEP_NS) == []
+    with pytest.raises(AwayError, match="island is unreachable"):
+        shards.device_owner("island")
+    assert shards.forget(SECOND + KEEP_NS + 1) == [one]
 
 
 def test_a_shard_that_was_given_is_never_forgotten():

@@ -11,7 +11,7 @@ from pnfarm.web.bodies import Json, Schema
 if TYPE_CHECKING:
     from pnfarm.web.paths import Paths
 
-__all__ = ["PlantHost", "PlantView", "add_plant"]
+__all__ = ["PlantHost", "PlantModelView", "PlantView", "WireView", "add_plant"]
 
 
 class PortView(Schema):

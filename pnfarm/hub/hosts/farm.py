@@ -76,7 +76,14 @@ class HubItself:
             for one in answer["findings"]
         ]
         found += [
-            {"name": f"{one['shard']}: answers", "ok": False, "detail": one["reason"], "remedy": "look at its machine"}
+            {
+                "name": f"{one['shard']}: answers",
+                "ok": False,
+                "detail": one["reason"],
+                "remedy": "look at its machine",
+                "line": 0,
+                "keeps_red": False,
+            }
             for one in partial["unreachable"]
         ]
         return {"findings": found, **partial}
