@@ -264,8 +264,8 @@ class _Builder:
             ):
                 left, right = (
                     self._push(code=codes.OP_GIVEN, given=float(side.value))
-                    if place is None and not isinstance(side, Name)
-                    else self._field(place)
+                    if not isinstance(side, Name)
+                    else self._side(side, place)
                     for place, side in zip(sides, (tree.left, tree.right), strict=True)
                 )
                 return self._push(code=_SIGNS[tree.sign], left=left, right=right)
@@ -276,6 +276,13 @@ class _Builder:
     def _place(self, name: Name) -> Place | None:
         signal = self._signals[name.name]
         return signal.place(self._station) if isinstance(signal, DriveSignal) else None
+
+    def _side(self, name: Name, place: Place | None) -> int:
+        """One side of a comparison; of a bit whose field is a number, such as that of a fault, 0 or 1."""
+        number = self._field(place)
+        if self._signals[name.name].form != "bit":
+            return number
+        return self._push(code=codes.OP_UNEQUAL, left=number, right=self._push(code=codes.OP_GIVEN))
 
     def _field(self, place: Place | None) -> int:
         assert place is not None

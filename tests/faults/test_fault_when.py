@@ -99,6 +99,20 @@ def test_the_engine_and_the_event_loop_agree_on_a_condition(line, condition):
     assert fault.state == "waiting"
 
 
+@pytest.mark.parametrize(
+    ("condition", "holds"),
+    [("faulted == 1", True), ("faulted != 1", False), ("not (faulted == true)", False), ("faulted == homed", False)],
+)
+def test_a_fault_compared_with_yes_or_no_is_not_taken_for_its_number(line, condition, holds):
+    accelerate(line)
+    line.run(1.0)
+    line.add("drive-fault", params={"fault": 702, "hold": True})
+    # the shaft slows down; between two velocities nothing happens that the event loop could see
+    fault = line.add("load", when=f"({condition}) and velocity < 500 and velocity > 450")
+    line.run(1.0)
+    assert (fault.state == "active") is holds
+
+
 def test_it_waits_for_a_connection_and_for_a_parameter():
     line = FaultLine()
     connected = line.add("load", when="connected")
