@@ -124,7 +124,7 @@ def _refusal(connection: SeenConnection, described: DeviceDescription) -> str | 
     try:
         request = parse_connect(emit_blocks(connection.request), described)
         check_connect(request, described)
-        check_plugged(request, Plugged(described))
+        check_plugged(request, {module.slot: module for module in Plugged(described).modules()})
     except RefusedError as exc:
         return f"the Connect of {connection.controller_name or format_mac(connection.controller)}: {exc.detail}"
     return None

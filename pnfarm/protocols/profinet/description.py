@@ -208,8 +208,8 @@ class SlotState:
 class Plugged:
     """The modules in the slots: a mapping ``(slot, subslot) -> SubmoduleDescription`` that can be changed.
 
-    Only :meth:`follow` is the protocol's; :meth:`pull`, :meth:`plug`, :meth:`put` and :meth:`restore` are for users
-    and injections.
+    Only :meth:`follow` and :meth:`take` are the protocol's; :meth:`pull`, :meth:`plug`, :meth:`put` and
+    :meth:`restore` are for users and injections.
     """
 
     __slots__ = ("_description", "_fixed", "_modules", "_pulled", "_substitutes")
@@ -232,11 +232,21 @@ class Plugged:
 
         ``shared``: another AR uses the slot, whose module stays.
         """
+        self.take({slot: self.following(slot, module_ident, idents, shared=shared)})
+
+    def take(self, modules: Mapping[int, ModuleDescription | None]) -> None:
+        """Take what :meth:`following` found, by slot."""
+        self._modules |= {slot: module for slot, module in modules.items() if module is not None}
+
+    def following(
+        self, slot: int, module_ident: int, idents: Mapping[int, int] = _NO_IDENTS, *, shared: bool = False
+    ) -> ModuleDescription | None:
+        """What the slot will have after :meth:`follow`."""
+        present = self._modules.get(slot)
         if slot in self._fixed:
-            return
-        module = self._modules.get(slot) if shared else self._description.module(slot, module_ident)
-        if module is not None and module.module_ident == module_ident:
-            self._modules[slot] = module.taking(idents)
+            return present
+        module = present if shared else self._description.module(slot, module_ident)
+        return module.taking(idents) if module is not None and module.module_ident == module_ident else present
 
     def pull(self, slot: int, subslot: int | None = None) -> None:
         """Take a module, or one submodule of it, out, whatever a controller expects, until :meth:`plug`."""

@@ -91,13 +91,26 @@ def test_a_controller_that_runs_its_start_up_again_ends_its_ar_and_gets_in_with_
     assert connect(bench).ok
 
 
+_IDENTIFIER, _DATA = P.drive.submodules
+#: Of the submodule with the telegram, whose 12 octets are not 10.
+SHORTER = replace(_DATA, data=tuple(replace(one, data_length=10) for one in _DATA.data))
+
+
 @pytest.mark.parametrize("uuid", [UUID_1, UUID_2])
-def test_a_connect_that_is_not_in_order_ends_nothing(uuid: object) -> None:
+@pytest.mark.parametrize(
+    "broken",
+    [
+        {"alarm": replace(P.alarm, rta_retries=99)},
+        {"drive": replace(P.drive, submodules=(_IDENTIFIER, SHORTER))},
+    ],
+    ids=["alarm CR", "length of a submodule's data"],
+)
+def test_a_connect_that_is_not_in_order_ends_nothing(uuid: object, broken: dict[str, object]) -> None:
     bench = established()
-    broken = replace(P.alarm, rta_retries=99)
-    status = connect(bench, ar=replace(P.ar, ar_uuid=uuid), alarm=broken)
+    status = connect(bench, ar=replace(P.ar, ar_uuid=uuid), **broken)
     assert not status.ok
     assert [ar.uuid for ar in bench.cm.ars] == [UUID_1]
+    assert not [event for event in bench.events() if isinstance(event, ArAborted)]
 
 
 def test_a_connect_that_the_farm_refuses_on_purpose_ends_nothing() -> None:

@@ -60,10 +60,10 @@ from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
 from pnfarm.wire.rtc import SEND_CLOCK_FACTORS, SEND_CLOCK_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pnfarm.protocols.profinet.cm.ar import IocrLayout
-    from pnfarm.protocols.profinet.description import DeviceDescription, Plugged
+    from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription
     from pnfarm.protocols.profinet.wire.block import RawBlock
     from pnfarm.protocols.profinet.wire.cm.expected import ExpectedApi, ExpectedSubmodule
     from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
@@ -346,15 +346,18 @@ def _check_expected(request: ConnectRequest) -> None:
             _check_submodule(entry.api, sub)
 
 
-def check_plugged(request: ConnectRequest, plugged: Plugged) -> None:
-    """Submodules with the right idents must have the expected lengths; idents themselves may differ."""
+def check_plugged(request: ConnectRequest, modules: Mapping[int, ModuleDescription | None]) -> None:
+    """Submodules with the right idents must have the expected lengths; idents themselves may differ.
+
+    ``modules`` will be in the slots.
+    """
     for entry in request.expected:
-        module = plugged.module(entry.slot)
+        module = modules.get(entry.slot)
         if module is None or module.module_ident != entry.module_ident:
             continue
         for sub in entry.submodules:
-            real = plugged.submodule(entry.api, entry.slot, sub.subslot)
-            if real is None or real.submodule_ident != sub.submodule_ident:
+            real = module.submodule(sub.subslot)
+            if real is None or real.api != entry.api or real.submodule_ident != sub.submodule_ident:
                 continue
             lengths = sub.length(DataDirection.INPUT), sub.length(DataDirection.OUTPUT)
             if lengths != (real.input_bytes, real.output_bytes):

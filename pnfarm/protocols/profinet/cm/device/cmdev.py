@@ -19,9 +19,9 @@ controller or supervisor connected to it; the state machine is :data:`~.cmdev_st
 * All data are BAD until :class:`SubmodulesChanged` says that the application is ready for the first time, as in a
   captured device's frames.
 
-A Connect with the UUID of an existing AR is refused and ends that AR (state conflict; the controller's next try
-succeeds).  A Connect of the same controller with a new UUID replaces its old AR.  :mod:`.cmdev_admission` decides
-whether it is the same controller.
+A Connect without a fault that has the UUID of an existing AR is refused and ends that AR (state conflict; the
+controller's next try succeeds).  A Connect of the same controller with a new UUID replaces its old AR.
+:mod:`.cmdev_admission` decides whether it is the same controller.
 """
 
 from __future__ import annotations
@@ -382,9 +382,12 @@ class CmDevice:
         try:
             request = parse_connect(payload, self.description, admitted)
             layouts = check_connect(request, self.description)
-            self._make_way(request, caller, now)
-            self._follow(request)
-            check_plugged(request, self.plugged)
+            older = self._replaced(request, caller)
+            modules = self._following(request, older)
+            # all that can be wrong with it comes before: a faulty Connect ends nothing
+            check_plugged(request, modules)
+            self._make_way(request, older, now)
+            self.plugged.take(modules)
         except RefusedError as exc:
             self._events.append(refused(exc.status, exc.detail))
             return exc.status, b""
@@ -435,12 +438,16 @@ class CmDevice:
     def _admit(self, head: ArBlockReq, caller: Caller) -> list[Ar]:
         return admit(head, caller, self.ars, self.description.limits)
 
-    def _make_way(self, request: ConnectRequest, caller: Caller, now: int) -> None:
-        """Check that there is room for the AR and no injection refuses it; end the initiator's older AR."""
+    def _replaced(self, request: ConnectRequest, caller: Caller) -> list[Ar]:
+        """The initiator's older ARs, if there is room for the new one and no injection refuses it."""
         older = self._admit(request.ar, caller)
         wanted = self.refuse_connect(request.ar) if self.refuse_connect else None
         if wanted is not None:
             raise RefusedError(wanted, "refused on purpose")
+        return older
+
+    def _make_way(self, request: ConnectRequest, older: list[Ar], now: int) -> None:
+        """End the initiator's older ARs; the Connect has no fault."""
         for ar in older:
             self.abort(ar.key, RtaError.RE_RUN_ABORTS_EXISTING, now)
         if any(ar.uuid == request.ar.ar_uuid for ar in older):
@@ -451,14 +458,19 @@ class CmDevice:
             )
             raise RefusedError(status, "the channels of ARs that just ended are not free yet")
 
-    def _follow(self, request: ConnectRequest) -> None:
-        """Slots and subslots that no other AR uses take what is expected, where they can."""
-        others = [e for ar in self.ars for e in ar.expected]
+    def _following(self, request: ConnectRequest, older: list[Ar]) -> dict[int, ModuleDescription | None]:
+        """The modules in its slots once the older ARs are gone.
+
+        Slots and subslots that no other AR uses take what is expected, where they can.
+        """
+        others = [e for ar in self.ars if ar not in older for e in ar.expected]
         slots = {e.slot for e in others}
         used = {(e.slot, s.subslot) for e in others for s in e.submodules}
+        found = {}
         for slot, (module, idents) in expected_idents(request.expected).items():
             free = {subslot: ident for subslot, ident in idents.items() if (slot, subslot) not in used}
-            self.plugged.follow(slot, module, free, shared=slot in slots)
+            found[slot] = self.plugged.following(slot, module, free, shared=slot in slots)
+        return found
 
     # Control, Release
 
