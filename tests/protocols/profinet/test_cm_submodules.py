@@ -555,6 +555,39 @@ def test_a_plug_not_yet_reported_is_dropped_once_the_submodule_is_pulled_again()
     assert unusable(bench) == {TELEGRAM}
 
 
+@pytest.mark.parametrize("subslot", [2, None])
+def test_a_pull_that_finds_the_alarm_queue_full_is_reported_when_there_is_room(subslot):
+    bench, controller = one_controller()
+    while bench.cm.alarm(AlarmType.PROCESS, DAP, 0):
+        pass
+    bench.cm.pull(1, subslot, 0)
+    pulls = [alarm for alarm in controller.pump() if alarm.alarm_type != AlarmType.PROCESS]
+    assert [(alarm.slot, alarm.subslot) for alarm in pulls] == [(1, subslot or 0)]
+    assert pulls[0].alarm_type in {AlarmType.PULL, AlarmType.PULL_MODULE}
+
+
+@pytest.mark.parametrize("subslot", [2, None])
+def test_a_pull_not_yet_reported_is_dropped_once_the_submodule_is_plugged_again(subslot):
+    bench, controller = one_controller()
+    while bench.cm.alarm(AlarmType.PROCESS, DAP, 0):
+        pass
+    bench.cm.pull(1, subslot, 0)
+    bench.cm.plug(1, None, 0)
+    told = [alarm.alarm_type for alarm in controller.pump() if alarm.alarm_type != AlarmType.PROCESS]
+    assert set(told) == {AlarmType.PLUG}
+
+
+def test_a_wrong_submodule_that_finds_the_alarm_queue_full_is_reported_when_there_is_room():
+    bench, controller = one_controller()
+    while bench.cm.alarm(AlarmType.PROCESS, DAP, 0):
+        pass
+    module = bench.plugged.module(1)
+    wrong = replace(module, submodules=tuple(replace(s, submodule_ident=0x7777) for s in module.submodules))
+    bench.cm.plug(1, wrong, 0)
+    told = {alarm.alarm_type for alarm in controller.pump()} - {AlarmType.PROCESS}
+    assert told == {AlarmType.PLUG_WRONG_SUBMODULE}
+
+
 def test_an_ended_ar_says_so_after_alarms_have_flown():
     bench, controller = one_controller()
     bench.cm.alarm(AlarmType.PROCESS, TELEGRAM, 0)

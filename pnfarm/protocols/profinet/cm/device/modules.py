@@ -31,6 +31,11 @@ __all__ = ["Before", "Modules"]
 #: The controller has ApplicationReady's ModuleDiffBlock, or will: what happens from here on takes an alarm.
 _READY_SENT = frozenset({CmdevState.W_ARDYCNF, CmdevState.WDATA, CmdevState.DATA})
 
+#: Alarms about what the AR has no longer: no parameters follow.
+_GONE = frozenset({
+    AlarmType.PULL, AlarmType.PULL_MODULE, AlarmType.PLUG_WRONG_SUBMODULE, AlarmType.CONTROLLED_BY_SUPERVISOR,
+})  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class Before:
@@ -46,7 +51,7 @@ class _Running:
 
     begin: ParameterBegin = field(default_factory=ParameterBegin)
     plugs: list[Plug] = field(default_factory=list)
-    #: Submodules that were plugged while the alarm channel accepted no alarms, and the alarm to send for each.
+    #: What changed while the alarm channel accepted no alarms, and the alarm to send for each.
     untold: dict[ExpectedKey, AlarmType] = field(default_factory=dict)
 
 
@@ -108,11 +113,14 @@ class Modules:
         owned = [key for key in expected if key in ar.owned]
         gone = [key for key in owned if key in before.real and key not in real]
         wrong = [key for key in owned if key in real and key not in has and before.real.get(key) != real[key]]
+        self._forget(ar, [*gone, *wrong])
+        if self._plugged.module(slot) is not None:
+            # that the whole module was pulled is over
+            self._forget(ar, [key for key in self._running[ar.key].untold if key[1:] == (slot, 0)])
         if ar.state in _READY_SENT:
             self._tell_gone(ar, slot, gone, now, whole=whole)
             for key in wrong:
-                self._alarms.send(ar.key, AlarmType.PLUG_WRONG_SUBMODULE, key, now)
-        self._forget(ar, [*gone, *wrong])
+                self._tell(ar, AlarmType.PLUG_WRONG_SUBMODULE, key, now)
         for key in owned:
             if key in has - had:
                 self.await_parameters(ar, AlarmType.PLUG, key, now)
@@ -123,18 +131,27 @@ class Modules:
             # one alarm for the module: subslot 0, of its own type where the controller knows it
             known = ar.properties & ArProperties.PULL_MODULE_ALARM_ALLOWED
             alarm_type = AlarmType.PULL_MODULE if known else AlarmType.PULL
-            self._alarms.send(ar.key, alarm_type, (gone[0][0], slot, 0), now)
+            self._tell(ar, alarm_type, (gone[0][0], slot, 0), now)
             return
         for key in gone:
-            self._alarms.send(ar.key, AlarmType.PULL, key, now)
+            self._tell(ar, AlarmType.PULL, key, now)
+
+    def _tell(self, ar: Ar, alarm_type: AlarmType, key: ExpectedKey, now: int) -> int | None:
+        """Send an alarm about what changed; its number.  A channel that is full is tried again when it has room."""
+        untold = self._running[ar.key].untold
+        untold.pop(key, None)
+        number = self._alarms.send(ar.key, alarm_type, key, now)
+        if number is None and ar.alarm_cr is not None:
+            untold[key] = alarm_type
+        return number
 
     def taken_over(self, ar: Ar, keys: Iterable[ExpectedKey], now: int) -> None:
         """A supervisor has taken some of a controller's submodules."""
         lost = sorted(keys)
+        self._forget(ar, lost)
         if ar.state in _READY_SENT:
             for key in lost:
-                self._alarms.send(ar.key, AlarmType.CONTROLLED_BY_SUPERVISOR, key, now)
-        self._forget(ar, lost)
+                self._tell(ar, AlarmType.CONTROLLED_BY_SUPERVISOR, key, now)
 
     def inherited(self, ar: Ar, keys: Iterable[ExpectedKey], now: int) -> None:
         """Another AR ended and left submodules to this one."""
@@ -145,17 +162,14 @@ class Modules:
         """Send an AR the alarm for a submodule that it can use from now on, and wait for the submodule's parameters.
 
         During start-up no alarm is needed: ApplicationReady reports it.  Without an alarm channel the submodule
-        cannot be parametrised; a channel that is full is tried again when it has room.
+        cannot be parametrised.
         """
         if ar.state not in _READY_SENT or ar.alarm_cr is None:
             return
         ar.pending.add(key)
-        running = self._running[ar.key]
-        number = self._alarms.send(ar.key, alarm_type, key, now)
-        if number is None:
-            running.untold[key] = alarm_type
-        else:
-            running.plugs.append(Plug(key, number))
+        number = self._tell(ar, alarm_type, key, now)
+        if number is not None:
+            self._running[ar.key].plugs.append(Plug(key, number))
 
     def replug(self, ar: Ar, key: ExpectedKey, now: int) -> bool:
         """Send an AR a plug alarm for one of its submodules, as after a pull; False when the submodule is not there."""
@@ -209,4 +223,7 @@ class Modules:
         running.plugs = [p for p in running.plugs if not p.done]
         untold, running.untold = running.untold, {}
         for key, alarm_type in untold.items():
-            self.await_parameters(ar, alarm_type, key, now)
+            if alarm_type in _GONE:
+                self._tell(ar, alarm_type, key, now)
+            else:
+                self.await_parameters(ar, alarm_type, key, now)
