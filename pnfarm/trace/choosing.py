@@ -208,7 +208,8 @@ def _level(trigger: SignalTrigger, signal: TraceSignal, of: Traced) -> float:
         return 0.5
     if isinstance(of, TracedAxis) and signal.form == "fault":
         number = read_number(trigger.level)
-        if number is not None:
+        # a number is one of the manual, as in conditions: what no fault has would never be there
+        if number is not None and (number == 0 or trigger.kind not in {codes.TRIGGER_EQUAL, codes.TRIGGER_UNEQUAL}):
             return number
         with _error_of("trigger"):
             return float(of.fault_number(trigger.level))

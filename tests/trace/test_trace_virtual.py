@@ -303,6 +303,23 @@ def test_a_fault_of_the_moog_is_triggered_and_shown_by_its_number_and_place() ->
     assert trace.recording().csv().splitlines()[-1].endswith(",32-1")
 
 
+@pytest.mark.parametrize("trigger", ["fault == 3", "warning != 3", "fault == 3.5 on axis-01"])
+def test_a_fault_that_the_drive_cannot_have_is_refused_in_a_comparison(trigger: str) -> None:
+    line = VirtualLine(1, model="moog-msd", telegram=1)
+    with pytest.raises(ConfigError, match=r"trace\.trigger: moog-msd has no fault '3"):
+        start(line, signals=["fault"], trigger=trigger)
+
+
+@pytest.mark.parametrize("trigger", ["fault == 3-1", "fault != 0", "fault > 3"])
+def test_a_comparison_with_a_fault_of_the_moog_fires(trigger: str) -> None:
+    line = VirtualLine(1, model="moog-msd", telegram=1)
+    line.connect()
+    trace = start(line, signals=["fault"], trigger=trigger, length="5ms")
+    line.farm.injections.inject({"kind": "drive-fault", "on": "axis-01", "params": {"fault": "3-1"}}, line.world.now)
+    assert line.world.run(1.0, until=lambda: trace.complete)
+    assert set(trace.recording().column("fault").labels.values()) == {"3-1"}
+
+
 MIXED = """
 farm: mixed
 link: {kind: memory}
