@@ -111,8 +111,8 @@ class _Remote:
         reached = {case["number"] for case in cases}
         cases = cases + [
             Case(number, step, Verdict.NOT_RUN, 0, 0, message=why).as_dict(0)
-            for number, step in enumerate(self._scenario.every_step())
-            if step.kind == "expect" and number not in reached
+            for number, step in self._scenario.expectations()
+            if number not in reached
         ]
         counts = {verdict.value: sum(case["verdict"] == verdict for case in cases) for verdict in Verdict}
         record = {

@@ -51,7 +51,6 @@ class Flow(ABC):
         self._outcomes: dict[int, tuple[Verdict, str]] = {}
         every = list(binding.scenario.every_step())
         self._numbers = {id(step): number for number, step in enumerate(every)}
-        self._expectations = [step for step in every if step.kind in {"expect", "find"} and not step.part]
         self.steps = len(every)
         #: When the present step is over at the latest.
         self.due_ns = now
@@ -98,8 +97,8 @@ class Flow(ABC):
     def _not_reached(self, why: str) -> None:
         """Expectations without a case did not run."""
         reached = {case.number for case in self.record.cases}
-        for step in self._expectations:
-            if (number := self._numbers[id(step)]) not in reached:
+        for number, step in self.binding.scenario.expectations():
+            if number not in reached:
                 self.record.add(Case(number, step, Verdict.NOT_RUN, 0, 0, message=why or "not reached"))
 
     # -- what a subclass does

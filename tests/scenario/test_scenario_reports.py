@@ -226,6 +226,15 @@ def test_junit_keeps_to_the_schema_and_is_read_by_junitparser(record: dict[str, 
     assert cases[3].name == "ab"
 
 
+def test_a_run_whose_farm_was_lost_is_an_error_in_junit_too(record: dict[str, Any], tmp_path: Path) -> None:
+    passed, not_run = record["cases"][0], {**record["cases"][1], "verdict": "not run"}
+    lost = {**record, "verdict": "error", "farm_ended": True, "ended_early": "the farm ended: no room"}
+    write_junit({**lost, "cases": [passed, not_run]}, tmp_path / "junit.xml")
+    (suite,) = JUnitXml.fromfile(str(tmp_path / "junit.xml"))
+    assert (suite.tests, suite.failures, suite.errors, suite.skipped) == (3, 0, 1, 1)
+    assert list(suite)[-1].result[0].message == "the farm ended: no room"
+
+
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed (apt-get install tshark)")
 def test_the_capture_has_the_frames_of_the_failed_drives_around_the_failures(tmp_path: Path) -> None:
     file = tmp_path / "report.scenario.yml"

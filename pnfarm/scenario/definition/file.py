@@ -97,6 +97,12 @@ class Scenario:
         """All steps, those of branches too."""
         return walk(self.steps)
 
+    def expectations(self) -> Iterator[tuple[int, Step]]:
+        """The steps that are test cases even if they are not reached, each with its number among all."""
+        for number, step in enumerate(self.every_step()):
+            if step.kind in {"expect", "find"} and not step.part:
+                yield number, step
+
     def issue(self, step: Step, key: str, what: str, allowed: str) -> FileIssue:
         """An error in a step."""
         name = str(self.path) if self.path is not None else "<scenario>"

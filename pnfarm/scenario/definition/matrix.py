@@ -27,9 +27,8 @@ def worst(verdicts: Iterable[str]) -> Verdict:
 def not_begun(binding: Binding, farm: str, why: str, *, broken: bool = False) -> dict[str, Any]:
     """The record of a run that did not begin: its expectations are `not run`."""
     record = Record(binding.scenario, farm, list(binding.drives), 0)
-    for number, step in enumerate(binding.scenario.every_step()):
-        if step.kind in {"expect", "find"} and not step.part:
-            record.add(Case(number, step, Verdict.NOT_RUN, 0, 0, message=why))
+    for number, step in binding.scenario.expectations():
+        record.add(Case(number, step, Verdict.NOT_RUN, 0, 0, message=why))
     record.end(0, why, None, broken=broken)
     return record.as_dict()
 

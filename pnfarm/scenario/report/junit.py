@@ -3,7 +3,7 @@
 Valid by the schema of Jenkins' xUnit plugin (junit-10.xsd), which also pytest keeps to: a test case has no properties,
 so that its measured value is in the message and in ``system-out``.  An inconclusive case is skipped, with a message
 that begins with ``inconclusive``: the PLC is not to blame for the farm's own lateness.  The exit code of ``pnfarm run``
-is 3 then.
+is 3 then.  Where the farm ended or was lost, one more case, `the farm`, is an error.
 """
 
 from __future__ import annotations
@@ -54,6 +54,11 @@ def _suite(record: Mapping[str, Any]) -> TestSuite:
         suite.add_property(_text(f"fault.{fault['name']}"), _text(_fault(fault)))
     for case in record["cases"]:
         suite.add_testcase(_case(record, case))
+    if record["farm_ended"]:
+        # what did not run is skipped, and would leave the suite without an error
+        lost = TestCase("the farm", classname=_text(record["scenario"]))
+        lost.result = [Error(_text(record["ended_early"]), "error")]
+        suite.add_testcase(lost)
     suite.update_statistics()  # type: ignore[no-untyped-call]  # junitparser types its constructors only
     # the run's, not the sum of cases that ran side by side
     suite.time = round(record["seconds"], 3)
