@@ -51,6 +51,8 @@ def errors(text: str, *, bind: bool = True) -> list[str]:
         ("expect: {metric: pnfarm_x_total}", "has 0 of these; allowed: increases, value, p50"),
         ("expect: {metric: up, value: 1}", "'up' is not a metric"),
         ("expect: {metric: pnfarm_x_total, increases: many}", "allowed: a number, or a comparison"),
+        ("expect: {metric: pnfarm_x_total, increases: 0}", "expect.for: is missing; allowed: the time over which"),
+        ("expect: {metric: pnfarm_x_seconds, p99: < 2ms}", "expect.for: is missing; allowed: the time over which"),
         ("expect: {metric: pnfarm_x_total, increases: 0, within: 3s}", "is for conditions on drives"),
         ("expect: {drive: all, that: connected, p99: 1}", "is for metrics"),
         ("load: {drives: 65}", "is 65, and there are 2"),

@@ -348,6 +348,9 @@ class _Reader:
         if "metric" in content:
             if len(given) != 1:
                 self.report(at, f"has {len(given)} of these", ", ".join(measures))
+            elif given != ["value"] and "for" not in content:
+                # in no time nothing is counted: `increases: 0` would hold whatever happens
+                self.report((*at, "for"), "is missing", f"the time over which {given[0]} is measured, such as 10s")
             for key in ("drive", "within"):
                 if key in content:
                     self.report((*at, key), "is for conditions on drives", 'labels: metric: name{drive="axis-01"}')
