@@ -151,7 +151,7 @@ class Search:
         """What a trial showed."""
         self.held[place] = held
         value = self.values[place]
-        number = None if measured is None or math.isnan(measured) else measured
+        number = None if measured is None or not math.isfinite(measured) else measured
         self.tries.append(
             {"value": value, "number": number_of(value), "held": held, "message": message, "measured": number,
              "began_seconds": at_seconds}

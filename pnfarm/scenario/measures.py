@@ -47,8 +47,8 @@ def reading_of(families: Iterable[Metric], wanted: MetricName) -> Reading:
 def check_metric(collector: FarmCollector, wanted: MetricName, asked: str) -> None:
     """Raises :class:`ConfigError` for a metric that the farm does not have, or one without quantiles."""
     families = list(collector.gather().metrics())
-    names = sorted({sample.name for family in families for sample in family.samples} | {f.name for f in families})
     histograms = {family.name for family in families if family.type == "histogram"}
+    names = sorted(histograms.union(sample.name for family in families for sample in family.samples))
     if wanted.name not in names:
         raise ConfigError(f"there is no metric {wanted.name}{did_you_mean(wanted.name, names)}")
     if asked in QUANTILES and wanted.name not in histograms:
@@ -86,6 +86,8 @@ def show_value(metric: str, value: float, beside: Iterable[float] = ()) -> str:
     """
     if math.isnan(value):
         return "nothing counted"
+    if math.isinf(value):
+        return "above the last bound of the histogram"
     name = metric.removesuffix("_sum").removesuffix("_total")
     if name.endswith("_seconds"):
         return format_measured(value, beside)
@@ -98,7 +100,7 @@ def show_comparison(metric: str, value: float, bound: Bound) -> tuple[str, str]:
 
 
 def quantile(q: float, cumulative: Mapping[float, float]) -> float:
-    """By linear interpolation inside a bucket, as Prometheus's histogram_quantile."""
+    """By linear interpolation inside a bucket, as Prometheus's histogram_quantile; infinite above the last bound."""
     total = cumulative.get(math.inf, 0.0)
     if total <= 0:
         return math.nan
@@ -106,7 +108,8 @@ def quantile(q: float, cumulative: Mapping[float, float]) -> float:
     for bound in sorted(cumulative):
         if cumulative[bound] >= wanted:
             if math.isinf(bound):
-                return low
+                # nothing tells how far beyond the last bound it is
+                return math.inf
             inside = cumulative[bound] - below
             return low + (bound - low) * ((wanted - below) / inside if inside else 1.0)
         low, below = bound, cumulative[bound]

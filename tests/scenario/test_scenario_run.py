@@ -108,11 +108,33 @@ def test_metrics_are_measured_over_the_period() -> None:
     assert record["cases"][0]["value"] == 1
 
 
+def test_a_time_beyond_the_last_bound_of_a_histogram_is_not_taken_for_that_bound() -> None:
+    # the bounds of this metric end at 64 s
+    record = run_steps(
+        UP
+        + "  - power: {off: axis-01}\n  - wait: 100s\n"
+        + "  - parallel:\n"
+        + "      - power: {on: axis-01}\n"
+        + "      - expect: {metric: pnfarm_controller_reconnect_seconds, p99: < 90s, for: 20s}\n"
+        + "      - expect: {metric: pnfarm_controller_reconnect_seconds, p50: '> 60s', for: 20s}\n"
+    )
+    assert told(record) == [
+        ("failed", "p99 above the last bound of the histogram, wanted < 90 s"),
+        ("passed", "p50 above the last bound of the histogram, wanted > 60 s"),
+    ]
+    assert record["cases"][0]["value"] is None
+    json.dumps(record, allow_nan=False)
+
+
 @pytest.mark.parametrize(
     ("metric", "sentence"),
     [
-        ("{metric: pnfarm_watchdog_expiration_total, increases: 0}", "did you mean pnfarm_watchdog_expirations_total"),
-        ("{metric: pnfarm_axis_state, p99: 1}", "is not a histogram"),
+        (
+            "{metric: pnfarm_watchdog_expiration_total, increases: 0, for: 1s}",
+            "did you mean pnfarm_watchdog_expirations_total",
+        ),
+        ("{metric: pnfarm_watchdog_expirations, increases: 0, for: 1s}", "mean pnfarm_watchdog_expirations_total"),
+        ("{metric: pnfarm_axis_state, p99: 1, for: 1s}", "is not a histogram"),
         ("{metric: pnfarm_controller_frame_interval_seconds, value: 1}", "is a histogram: ask for p50"),
         ("{metric: 'pnfarm_axis_state{drive=\"x\"}', value: 1}", "has no series"),
     ],

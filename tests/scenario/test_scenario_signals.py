@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 
 import httpx
 import pytest
@@ -15,6 +16,7 @@ import pnfarm
 from pnfarm.cli.commands.run import bound
 from pnfarm.errors import ConfigError
 from pnfarm.scenario.definition.file import load_scenario
+from pnfarm.scenario.report.page import report_html
 from pnfarm.scenario.virtual import run_virtual
 
 
@@ -268,3 +270,25 @@ steps:
     assert set(bit["values"]) == {0, 1}
     (pressure,) = [column for column in low["trace"]["columns"] if column["signal"] == "pressure"]
     assert (set(pressure["values"]), pressure["unit"]) == ({0.0, 2.5}, "bar")
+
+
+def test_a_real_that_is_no_number_fails_and_is_in_every_report(tmp_path):
+    reals = DEVICES.replace("type: int16, unit: bar, scale: 0.01", "type: float32")
+    assert reals != DEVICES
+    (tmp_path / "cell.pnfarm.yml").write_text(
+        "farm: cell\nlink: {kind: memory}\ncontroller: {ip: 10.77.0.1/23}\n" + reals
+    )
+    path = tmp_path / "devices.scenario.yml"
+    path.write_text(
+        """scenario: devices
+farm: cell.pnfarm.yml
+steps:
+  - set: {island-1.pressure: .nan}
+  - expect: {that: island-1.pressure < 2}
+"""
+    )
+    record, _ = asyncio.run(run_virtual(*bound(load_scenario(path))))
+    assert record["verdict"] == "failed"
+    assert record["cases"][0]["values"] == {"island-1": {"island-1.pressure": "nan"}}
+    json.dumps(record, allow_nan=False)
+    assert "island-1.pressure = nan" in report_html(record)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.farm.views.stations import json_value
 from pnfarm.scenario.watch import signals_of_event
 from pnfarm.station import events
 
@@ -87,9 +89,11 @@ class Case:
             "began_seconds": (self.began_ns - origin) / 1e9 if ran else None,
             "ended_seconds": (self.ended_ns - origin) / 1e9 if ran else None,
             "farm_late_seconds": self.late_ns / 1e9 if self.late_ns is not None else None,
-            "value": self.value if self.value is not None and self.value == self.value else None,
+            "value": self.value if self.value is not None and math.isfinite(self.value) else None,
             "held_after_seconds": {name: took / 1e9 for name, took in self.took.items()},
-            "values": {name: dict(values) for name, values in self.values.items()},
+            "values": {
+                name: {key: json_value(value) for key, value in values.items()} for name, values in self.values.items()
+            },
             "shown": {name: dict(texts) for name, texts in self.shown.items()},
         }
 
