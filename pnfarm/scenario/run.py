@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
+from math import inf
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError, PnfarmError
@@ -42,7 +44,8 @@ __all__ = ["LOOK_NS", "EachLook", "ScenarioRun", "Tell"]
 
 #: Time between two looks at signals whose changes are no events.
 LOOK_NS = 1_000_000
-#: Of a `wait`, so much of its end counts for the expectation behind it.
+#: Of a `wait`, so much of its end counts for the expectation behind it; and a loss may be noted so long behind what it
+#: does to the drive.
 REST_NS = 1_000_000_000
 #: The state of an axis that is in operation.
 OPERATION = 4
@@ -80,10 +83,12 @@ class ScenarioRun(Flow):
         self._off: dict[str, None] = {}
         #: Signals that it forced, by station.
         self._forced: dict[str, set[str]] = {}
-        #: Drives that lost their connection by the farm's own lateness and are not back in operation -> when.
+        #: Drives that lost their connection by the farm's own lateness and are not back where they were -> when.
         self._own_losses: dict[str, int] = {}
         #: When each drive lost one in this way last, whether it is back or not.
         self._last_own_losses: dict[str, int] = {}
+        #: When each axis was in operation last, as far as is known; for ever while it is.
+        self._operated: dict[str, float] = {}
         self._states = SavedStates(core, core.states_folder, lambda: self._now)
         self._stations = {station.configured_name: station for station in core.axes}
         #: A connection is of all axes of its station.
@@ -105,9 +110,9 @@ class ScenarioRun(Flow):
             self._check_state(step)
         self._moments = TraceExcerpts(core, named_stations(binding), named_signals(binding), now) if traced else None
         # what the farm lost before may not be back yet
-        for name in {**self._axes, **self._stations}:
-            for entry in core.log.entries(name):
-                self._note_own_loss(entry)
+        before = [entry for name in {**self._axes, **self._stations} for entry in core.log.entries(name)]
+        for entry in sorted(before, key=attrgetter("sequence")):
+            self._note_own_loss(entry)
         self._unsubscribe = core.log.subscribe(self._note)
 
     def _check_metric(
@@ -177,15 +182,25 @@ class ScenarioRun(Flow):
         match entry.what:
             case ConnectionLost(lateness=Lateness(late=True)) | WatchdogExpired(lateness=Lateness(late=True)):
                 lost = dict.fromkeys(self._concerned(entry), entry.now_ns)
-                self._own_losses |= lost
+                # of several the first, if it is not over, took the drive out of operation
+                self._own_losses = lost | self._own_losses
                 self._last_own_losses |= lost
-            case StateChanged(after=4):
+            case StateChanged(after=after) if after == OPERATION:
+                self._operated[entry.drive] = inf
                 self._own_losses.pop(entry.drive, None)
-            # a device is back with its connection
-            case ConnectionEstablished() if entry.drive not in self._stations:
-                self._own_losses.pop(entry.drive, None)
+            case StateChanged(before=before) if before == OPERATION or entry.drive not in self._operated:
+                self._operated[entry.drive] = entry.now_ns
+            case ConnectionEstablished():
+                for name in self._concerned(entry):
+                    if self._is_back_with_its_connection(name):
+                        self._own_losses.pop(name, None)
             case _:
                 pass
+
+    def _is_back_with_its_connection(self, name: str) -> bool:
+        """Whether a device, or an axis that was not in operation when the farm lost its connection."""
+        lost = self._own_losses.get(name, 0)
+        return name not in self._stations or lost - self._operated.get(name, inf) > REST_NS
 
     # -- steps
 

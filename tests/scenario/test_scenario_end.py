@@ -262,6 +262,25 @@ def test_a_loss_that_did_not_take_the_drive_out_of_operation_excuses_nothing_lat
     assert late_run(steps, during)["verdict"] == "failed"
 
 
+@pytest.mark.parametrize(("idle", "verdict"), [(2.0, "failed"), (0.0, "inconclusive")])
+def test_a_loss_by_the_farm_excuses_an_axis_that_is_not_in_operation_until_it_is_connected_again(
+    idle: float, verdict: str
+) -> None:
+    def during(line):
+        # the PLC does not run this axis any more
+        line.farm.injections.inject({"kind": "not-ready", "on": "axis-01"}, line.world.now)
+        line.world.run(0.1 + idle)
+        late = Lateness(budget_ns=1_000_000, engine_ns=90_000_000)
+        line.farm.log.record(line.world.now, "axis-01", ConnectionLost(lateness=late))
+        line.farm.injections.inject({"kind": "ar-abort", "on": "axis-01"}, line.world.now)
+        line.world.run(5.0)
+        assert line.farm.axis("axis-01").device.connected
+        assert line.farm.axis("axis-01").handle.axis.drive.state < 4
+
+    steps = "  - wait: 3s\n  - wait: 1s\n  - expect: {drive: axis-01, that: velocity > 5000 rpm}\n"
+    assert late_run(steps, during)["verdict"] == verdict
+
+
 def test_a_metric_that_a_loss_by_the_farm_changed_is_not_held_against_the_plc() -> None:
     def during(line):
         late = Lateness(budget_ns=1_000_000, engine_ns=90_000_000)
