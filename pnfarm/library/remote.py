@@ -328,5 +328,11 @@ class _RemoteFault(Bound):
     async def clear(self) -> None:
         await self.refresh()
         if self.view.state != "ended":
-            self._found = await self._farm.ask(self._farm.client.delete, "faults", self._found["id"])
+            try:
+                self._found = await self._farm.ask(self._farm.client.delete, "faults", self._found["id"])
+            except ConfigError:
+                # it may have ended between the two questions
+                await self.refresh()
+                if self.view.state != "ended":
+                    raise
         self._farm.forget(self._found["id"])
