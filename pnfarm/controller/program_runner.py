@@ -8,6 +8,7 @@ and its sign of life goes on, so that the drive stops along its ramp.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,7 @@ from pnfarm.table.channel import IDLE, OPEN
 from pnfarm.table.signals import STW2
 from pnfarm.user_code.caller import Caller
 from pnfarm.user_code.calling_thread import Call
-from pnfarm.user_code.file import error_text, place_of
+from pnfarm.user_code.file import error_text, line_of, place_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -313,12 +314,12 @@ class ProgramRunner:
             yield (call := Call(partial(axis.program.cycle, axis.inputs, axis.outputs, now)))
             if call.duration_ns is None:
                 text = f"cycle() did not return within {self.limit_ns / 1e9:g} s"
-                self._fail(axis, text, type(axis.program).cycle.__code__.co_filename, _first_line(axis.program), now)
+                self._fail(axis, text, _file(axis.program), line_of(type(axis.program).cycle), now)
                 continue
             axis.calls += 1
             axis.longest_ns = max(axis.longest_ns, call.duration_ns)
             if call.error is not None:
-                file, line = place_of(call.error, type(axis.program).cycle.__code__.co_filename)
+                file, line = place_of(call.error, _file(axis.program))
                 self._fail(axis, error_text(call.error), file, line, now)
 
     def _fail(self, axis: _Axis, text: str, file: str, line: int, now: int) -> None:
@@ -336,5 +337,5 @@ class ProgramRunner:
         self._caller.close()
 
 
-def _first_line(program: AxisProgram) -> int:
-    return type(program).cycle.__code__.co_firstlineno
+def _file(program: AxisProgram) -> str:
+    return getattr(sys.modules.get(type(program).__module__), "__file__", None) or ""

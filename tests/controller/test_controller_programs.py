@@ -284,6 +284,36 @@ def test_a_call_that_does_not_return_stops_its_axis_where_no_signal_can_end_it(t
         ).result()
 
 
+def test_a_failing_call_of_a_method_that_is_no_function_stops_its_axis_alone(tmp_path):
+    program = tmp_path / "mine.py"
+    program.write_text(
+        """from functools import partial
+
+from pnfarm import AxisProgram
+
+
+class Logged:
+    def __init__(self, call):
+        self.call = call
+
+    def __get__(self, one, kind=None):
+        return self if one is None else partial(self.call, one)
+
+    def __call__(self, one, inputs, outputs, now):
+        return self.call(one, inputs, outputs, now)
+
+
+class Mine(AxisProgram):
+    @Logged
+    def cycle(self, inputs, outputs, now):
+        outputs.speed = 1
+"""
+    )
+    with Rig(program) as rig:
+        assert rig.wait(rig.failure)
+        assert rig.failure().startswith(f"{program}:20: AttributeError: ")
+
+
 def test_a_program_may_use_dataclasses_and_a_module_beside_it(tmp_path):
     (tmp_path / "speeds_beside.py").write_text("SPEED = 5.0\n")
     (tmp_path / "mine.py").write_text(
