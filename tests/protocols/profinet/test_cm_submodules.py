@@ -287,12 +287,17 @@ def test_a_slot_that_is_free_again_gets_what_the_connected_controller_expects():
     assert {a.alarm_type for a in controller.pump()} == {AlarmType.PLUG}
 
 
-def test_diagnosis_goes_with_the_submodule_that_is_replaced_and_stays_with_the_others():
+@pytest.mark.parametrize("by_hand", [True, False])
+def test_diagnosis_goes_with_the_submodule_that_is_replaced_and_stays_with_the_others(by_hand):
     bench, _ = one_controller()
     for key in (PAP, TELEGRAM):
         bench.cm.diagnosis.add(DiagnosisEntry(*key, error_type=1))
     module = bench.plugged.module(1)
-    bench.cm.put(1, SlotState(replace(module, submodules=module.submodules[:1]), held=True), 0)
+    shorter = replace(module, submodules=module.submodules[:1])
+    if by_hand:
+        bench.cm.plug(1, shorter, 0)
+    else:
+        bench.cm.put(1, SlotState(shorter, held=True), 0)
     assert [entry.place for entry in bench.cm.diagnosis] == [PAP]
 
 

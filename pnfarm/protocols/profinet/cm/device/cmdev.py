@@ -297,10 +297,6 @@ class CmDevice:
     def pull(self, slot: int, subslot: int | None, now: int) -> None:
         """Pull a module, or one submodule of it, from a slot."""
         before = self._modules.before(self.ars, slot)
-        module = self.plugged.module(slot)
-        for sub in module.submodules if module is not None else ():
-            if subslot in {None, sub.subslot}:
-                self.diagnosis.forget((sub.api, sub.slot, sub.subslot))
         self.plugged.pull(slot, subslot)
         self._moved(slot, before, now, whole=subslot is None)
 
@@ -313,11 +309,6 @@ class CmDevice:
     def put(self, slot: int, state: SlotState, now: int) -> None:
         """Set a slot to ``state`` (:meth:`Plugged.put`), whatever it holds now."""
         before = self._modules.before(self.ars, slot)
-        had = self.plugged.module(slot)
-        stays = state.module.submodules if state.module is not None else ()
-        for sub in had.submodules if had is not None else ():
-            if sub not in stays:
-                self.diagnosis.forget((sub.api, sub.slot, sub.subslot))
         self.plugged.put(slot, state)
         self._moved(slot, before, now, whole=True)
 
@@ -559,10 +550,15 @@ class CmDevice:
         self._events.append(SubmodulesChanged(ar.key, self._modules.unusable(ar)))
 
     def _moved(self, slot: int, before: Before, now: int, *, whole: bool) -> None:
-        """Something was pulled from or plugged into ``slot``: report it to every AR that expects something there."""
+        """Something was pulled from or plugged into ``slot``: report it to every AR that expects something there.
+
+        What is gone takes its diagnosis with it.
+        """
         # a slot that is no longer held gets what its oldest controller expects
         module, idents = expected_idents(e for ar in self.ars for e in ar.expected).get(slot, (0, {}))
         self.plugged.follow(slot, module, idents)
+        for key in self._modules.gone(slot, before):
+            self.diagnosis.forget(key)
         self.moved()
         for ar in self.ars:
             if self._modules.moved(ar, slot, before, now, whole=whole):

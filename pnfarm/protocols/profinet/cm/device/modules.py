@@ -101,6 +101,11 @@ class Modules:
             (s.api, slot, s.subslot): (module.module_ident, s.submodule_ident) for s in module.submodules
         }  # fmt: skip
 
+    def gone(self, slot: int, before: Before) -> list[ExpectedKey]:
+        """The submodules that were in a slot and are not any more, or that others have replaced."""
+        real = self._real(slot)
+        return [key for key, idents in before.real.items() if real.get(key) != idents]
+
     def moved(self, ar: Ar, slot: int, before: Before, now: int, *, whole: bool) -> bool:
         """Something was pulled from or plugged into ``slot``; ``whole`` means a module.
 
