@@ -6,7 +6,7 @@ standard answer at once, but not before an answer that waits on the same stream.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["HeldAnswers", "WorkingObject", "WorkingTime"]
 
-#: Answers that wait on all streams of a drive; a peer that asks on and on beyond that loses its stream.
+#: Answers that wait on one stream; a peer that asks on and on beyond that loses it.
 MOST_HELD: Final = 256
 
 
@@ -71,36 +71,34 @@ class HeldAnswers:
 
     def __init__(self) -> None:
         self._held: deque[tuple[int, SendStream]] = deque()
+        self._of_stream: Counter[int] = Counter()
         #: When the drive is done with everything so far.
         self._busy_until = 0
 
-    def __len__(self) -> int:
-        return len(self._held)
-
     def put(self, answer: SendStream, work_ns: int, now: int) -> bool:
         """Hold an answer back if it has to wait; False if it may leave at once."""
-        if not work_ns and not any(held.stream == answer.stream for _, held in self._held):
+        if not work_ns and not self._of_stream[answer.stream]:
             return False
         self._busy_until = max(self._busy_until, now) + work_ns
         self._held.append((self._busy_until, answer))
+        self._of_stream[answer.stream] += 1
         return True
 
-    @property
-    def full(self) -> bool:
-        return len(self._held) >= MOST_HELD
+    def full(self, stream: int) -> bool:
+        return self._of_stream[stream] >= MOST_HELD
 
     def due(self, now: int) -> list[SendStream]:
         """Answers that leave now."""
         found = []
         while self._held and self._held[0][0] <= now:
             found.append(self._held.popleft()[1])
+            self._of_stream[found[-1].stream] -= 1
         return found
 
     def next_deadline(self) -> int | None:
         return self._held[0][0] if self._held else None
 
-    def forget(self, stream: int | None = None) -> None:
-        """A stream is gone, or all are."""
-        self._held = deque(entry for entry in self._held if stream is not None and entry[1].stream != stream)
-        if stream is None:
-            self._busy_until = 0
+    def forget(self, stream: int) -> None:
+        """A stream is gone."""
+        if self._of_stream.pop(stream, 0):
+            self._held = deque(entry for entry in self._held if entry[1].stream != stream)

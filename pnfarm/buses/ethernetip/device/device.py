@@ -172,7 +172,7 @@ class EthernetIpDevice:
         self.adapter.take_events()
         self._peers.clear()
         self._actions.clear()
-        self.held.forget()
+        self.held = HeldAnswers()
         self._reset_ns = None
 
     def leave(self, now: int) -> None:
@@ -284,7 +284,7 @@ class EthernetIpDevice:
                 self.adapter.opened(stream, peer, now)
             case StreamReceived(stream=stream, data=data):
                 self.traffic.received(len(data))
-                if self.held.full:
+                if self.held.full(stream):
                     # it asks on and on, and takes no answer's time
                     self.dropped["held-answers"] = self.dropped.get("held-answers", 0) + 1
                     self.adapter.encapsulation.end_stream(stream, now)
