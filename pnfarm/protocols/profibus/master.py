@@ -125,7 +125,7 @@ class ConnectionMissed(MasterEvent):
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisRead(MasterEvent):
-    """A slave in data exchange had a diagnosis."""
+    """A slave in data exchange had another diagnosis than before."""
 
     diagnosis: Diagnosis
 
@@ -520,10 +520,12 @@ class Master:
         if diagnosis.master not in {NO_MASTER, self.settings.address}:
             # a slave leaves this bit to the master (8.3.1)
             diagnosis = replace(diagnosis, status=diagnosis.status | StationStatus.MASTER_LOCK)
-        station.diagnosis = diagnosis
+        before, station.diagnosis = station.diagnosis, diagnosis
         status = diagnosis.status
         if station.state is SlaveState.DATA:
-            self._events.append(DiagnosisRead(station.plan.name, diagnosis))
+            if diagnosis != before:
+                # a static one is read in each cycle
+                self._events.append(DiagnosisRead(station.plan.name, diagnosis))
             if status & StationStatus.MASTER_LOCK:
                 self._lose(station, f"master {diagnosis.master} has it", now)
             elif status & StationStatus.PRM_REQ:

@@ -172,7 +172,7 @@ def test_a_slave_of_another_master_is_left_alone_and_taken_once_it_is_free():
     assert not station.diagnosis.status & StationStatus.MASTER_LOCK
 
 
-def test_a_diagnosis_in_data_exchange_is_fetched_once_and_a_static_one_again_and_again():
+def test_a_diagnosis_in_data_exchange_is_fetched_once_and_a_static_one_again_and_again_and_each_is_told_once():
     line = DpLine(1)
     line.run(1.0, until=lambda: line.exchanging)
     drive, slave = line.drives[0], line.slaves[0]
@@ -184,15 +184,17 @@ def test_a_diagnosis_in_data_exchange_is_fetched_once_and_a_static_one_again_and
     assert read[0].diagnosis.status & StationStatus.EXT_DIAG
     assert read[0].diagnosis.extended == drive.extended
     assert line.exchanging
-    drive.static = True
+    drive.static, fetched = True, slave.diagnoses
     slave.diagnosis_changed()
     line.run(0.1)
-    assert sum(isinstance(event, DiagnosisRead) for event in line.events) > 5
+    assert slave.diagnoses > fetched + 5
     drive.static = False
     line.run(0.1)
-    count = len(line.events)
+    fetched = slave.diagnoses
     line.run(0.1)
-    assert len(line.events) == count
+    assert slave.diagnoses == fetched
+    read = [event.diagnosis.status for event in line.events if isinstance(event, DiagnosisRead)]
+    assert [StationStatus.STAT_DIAG in status for status in read] == [False, True, False]
 
 
 def test_the_diagnosis_of_a_slave_without_inputs_is_read_and_data_exchange_goes_on():
