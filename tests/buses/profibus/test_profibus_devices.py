@@ -400,3 +400,16 @@ def test_an_unknown_name_of_a_diagnosis_is_refused_with_what_there_is(shared):
     cell = SlaveCell(DRIVES)
     with pytest.raises(InjectionError, match="msd-1 is a drive, and has no diagnosis 'overload': give a number"):
         cell.inject("diagnosis-request", "msd-1", params={"code": "overload"})
+
+
+def test_the_cycles_of_a_device_without_inputs_are_faulty_by_their_acknowledgements(tmp_path):
+    (tmp_path / "valve.gsd").write_bytes((CONFIGS / VALVE).read_bytes().replace(b"0x11,0x20", b"0x20"))
+    cell = SlaveCell(f"devices: [{{name: valve, gsd: {tmp_path / 'valve.gsd'}, address: 9}}]\n")
+    cell.connect()
+    missing = cell.inject("drop-cycles", on="valve", count=1)
+    cell.world.run(0.1)
+    assert missing.evidence().activations == 1
+    assert cell.station("valve").retries == 1
+    cell.inject("loss", on="valve", direction="out", probability=1.0, params={"frames": "acyclic"})
+    cell.world.run(0.1)
+    assert (cell.station("valve").retries, cell.station("valve").losses) == (1, 0)

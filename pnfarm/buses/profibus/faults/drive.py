@@ -15,7 +15,7 @@ from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import WIRE
 from pnfarm.faults.signals import SIGNALS, Signals
 from pnfarm.faults.stations import injected_station
-from pnfarm.protocols.profibus.wire.telegram import Telegram, parse_telegram
+from pnfarm.protocols.profibus.wire.telegram import ShortAck, Telegram, parse_telegram
 
 if TYPE_CHECKING:
     from pnfarm.buses.bus import InjectionHost
@@ -30,19 +30,28 @@ def injected_drives(device: ProfibusDevice, host: InjectionHost) -> list[Injecte
     station = device.station
     name, port = station.configured_name, station.port.index
 
+    asked = ACYCLIC
+
     def telegram_class(octets: bytes) -> str:
         """Only telegrams of this slave have a class: a fault of one is none of the others."""
+        nonlocal asked
         try:
             telegram = parse_telegram(octets)
         except DecodeError:
             return ACYCLIC
+        if isinstance(telegram, ShortAck):
+            # it has no address: the answer of a slave without inputs to the request before
+            return asked
         if not isinstance(telegram, Telegram):
             return ACYCLIC
         if telegram.is_request and telegram.destination not in {device.slave.address, 127}:
             return "other"
         if not telegram.is_request and telegram.source != device.slave.address:
             return "other"
-        return CYCLIC if telegram.dsap is None and telegram.ssap is None else ACYCLIC
+        found = CYCLIC if telegram.dsap is None and telegram.ssap is None else ACYCLIC
+        if telegram.is_request:
+            asked = found
+        return found
 
     host.gate.classify(port, telegram_class)
 
