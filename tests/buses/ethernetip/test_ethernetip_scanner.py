@@ -308,6 +308,23 @@ def test_a_session_that_the_drive_ends_is_made_again_beside_the_data():
     assert line.station().fault_counts == {}
 
 
+def test_a_session_that_cannot_be_made_again_is_lost_once_however_often_it_is_tried():
+    line = ScannerLine()
+    line.enable()
+    device = line.station().device
+    (stream,) = device._peers
+    line.farm.injections.inject({"kind": "tcp-refuse", "on": "axis-1"}, line.world.now)
+    device.adapter.encapsulation.end_stream(stream, line.world.now)
+    line.farm.settle(line.station().station, line.world.now)
+    line.run(5.0)
+    row = line.row()
+    assert (row["state"], row["sessions_lost"]) == ("DATA", 1)
+    assert line.texts().count("session lost") == 1
+    line.farm.injections.clear(None, line.world.now)
+    line.run(1.0)
+    assert line.texts()[-1] == "session resumed"
+
+
 def test_a_device_that_does_not_answer_is_given_up_in_time():
     line = ScannerLine(program=IDLE, start=False, more="\n  request_timeout: 1s")
     device = line.station().device

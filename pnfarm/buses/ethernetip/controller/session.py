@@ -127,7 +127,7 @@ class DeviceSession(session.Session):
     group: IPv4Address | None = None
     #: Refusals in a row.
     failures: int = 0
-    #: Why the device cannot be reached, as it was logged last.
+    #: Why the device cannot be reached, or its session is lost, as it was logged last.
     told: str = ""
     identification: Identification | None = None
     measures: Measures = field(default_factory=Measures)

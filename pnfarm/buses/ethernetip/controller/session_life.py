@@ -124,7 +124,6 @@ class SessionLife(Life[DeviceSession]):
 
     def _do_reopen(self, session: DeviceSession, now: int) -> None:
         """Beside cyclic data: the pause before the next TCP connection."""
-        session.measures.sessions_lost += 1
         after = session.plan.reconnect_after_ns
         session.due_ns = now + (RETRY_NS if after is None else after)
 
@@ -137,6 +136,7 @@ class SessionLife(Life[DeviceSession]):
             self._open_stream(session, now)
 
     def _do_resumed(self, session: DeviceSession, now: int) -> None:
+        session.told = ""
         self.note(session, events.SessionResumed(), now)
 
     def _do_idle(self, session: DeviceSession, now: int) -> None:
@@ -245,6 +245,7 @@ class SessionLife(Life[DeviceSession]):
 
     def _broken(self, session: DeviceSession, reason: str, now: int) -> None:
         measures = session.measures
+        session.told = ""
         measures.last_reason = reason
         measures.losses += 1
         measures.lost_ns = now
@@ -276,7 +277,11 @@ class SessionLife(Life[DeviceSession]):
         session.asked_identity = None
         session.queue.forget(reason)
         if session.state is SessionState.DATA:
-            self.note(session, events.SessionLost(reason), now)
+            if not session.told:
+                # else it was tried again in vain
+                session.told = reason
+                session.measures.sessions_lost += 1
+                self.note(session, events.SessionLost(reason), now)
         elif session.state is SessionState.STREAM:
             self._unreached(session, reason, now)
         elif session.state in {SessionState.SESSION, SessionState.IDENTITY, SessionState.OPEN}:
