@@ -52,8 +52,8 @@ _FRAMES: Final = {
     ),
     "corrupt": _on(
         "Inverted bits in a packet whose UDP checksum is as before, so that its receiver drops it: it sees a lost "
-        "packet. With `mend` the checksums of IPv4 and UDP are right again, and it sees wrong data, or a packet that "
-        "for nobody. In messages on TCP and in datagrams of port 44818 all checksums fit the inverted bits: the other "
+        "packet. With `mend` the checksums of IPv4 and UDP are right again, and it sees wrong data, or a packet for "
+        "nobody. In messages on TCP and in datagrams of port 44818 all checksums fit the inverted bits: the other "
         "end sees them as data; so does the drive, for cyclic packets that it gets with `mend`.",
         f"Without `mend`: as loss. With it: wrong input data, which no check finds. {_LOST}",
     ),
