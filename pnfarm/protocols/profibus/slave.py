@@ -136,7 +136,9 @@ class _Cyclic:
     exchanged: bool = False
     clear: bool = False
     frozen: bytes | None = None
+    #: Outputs in force, and those that wait for the next Sync.
     held: bytes | None = None
+    waiting: bytes | None = None
     sync: bool = False
     freeze: bool = False
 
@@ -447,14 +449,13 @@ class Slave:
             cyclic.exchanged = True
             self._events.append(ExchangeBegan(cyclic.master))
         if fail_safe or cyclic.clear:
-            cyclic.held = bytes(wanted)
+            cyclic.held, cyclic.waiting = bytes(wanted), None
             self.user.clear_outputs(now)
         elif not cyclic.sync:
             cyclic.held = data
             self.user.take_outputs(data, now)
         else:
-            # they wait for the next Sync
-            cyclic.held = data
+            cyclic.waiting = data
         inputs = self.user.inputs() if cyclic.frozen is None else cyclic.frozen
         if not self._pending_diagnosis:
             return self._data(telegram, inputs)
@@ -561,7 +562,7 @@ class Slave:
         if telegram.data != before:
             # what was held or frozen is of another length
             cyclic = self._cyclic
-            cyclic.held = cyclic.frozen = None
+            cyclic.held = cyclic.waiting = cyclic.frozen = None
             cyclic.sync = cyclic.freeze = False
         self._go(_Sign.CONFIGURATION)
         return ShortAck()
@@ -606,7 +607,7 @@ class Slave:
             cyclic.clear = clear
             self._events.append(ClearChanged(clear))
             if clear:
-                cyclic.held = bytes(self.user.output_octets)
+                cyclic.held, cyclic.waiting = bytes(self.user.output_octets), None
                 self.user.clear_outputs(now)
         allowed = cyclic.parameters.status
         if allowed & PrmStatus.SYNC_REQ:
@@ -614,7 +615,8 @@ class Slave:
                 cyclic.sync = False
             elif command & Control.SYNC:
                 cyclic.sync = True
-            if command & (Control.SYNC | Control.UNSYNC) and cyclic.held is not None and not clear and cyclic.exchanged:
+            if command & (Control.SYNC | Control.UNSYNC) and cyclic.waiting is not None:
+                cyclic.held, cyclic.waiting = cyclic.waiting, None
                 self.user.take_outputs(cyclic.held, now)
         if allowed & PrmStatus.FREEZE_REQ:
             if command & Control.UNFREEZE:

@@ -307,6 +307,7 @@ def test_sync_holds_outputs_and_freeze_holds_inputs(bench):
     taken = len(bench.drive.outputs)
     bench.ask(None, b"\x01" * 12)
     assert len(bench.drive.outputs) == taken
+    assert bench.ask(Sap.READ_OUTPUTS).data == DATA, "those in force are read, not those that wait"
     control(bench, Control.SYNC)
     assert bench.drive.outputs[-1] == b"\x01" * 12
     control(bench, Control.UNSYNC)
