@@ -9,7 +9,7 @@ does as chips in the field do, as far as that is known: what they would not answ
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import auto
 from typing import TYPE_CHECKING, Final
 
@@ -150,7 +150,6 @@ class _Faults:
     parameters: bool = False
     configuration: bool = False
     unsupported: bool = False
-    by: set[int] = field(default_factory=set)
 
 
 class Slave:

@@ -148,9 +148,9 @@ class DcpDevice:
         #: None, or the own address, for no gateway.
         self.gateway = gateway
         self.dns = dns
-        #: The present name and address outlive a power cycle.
         #: Whether what is set permanently can be kept.
         self.can_keep: Callable[[], bool] = lambda: True
+        #: The present name and address outlive a power cycle.
         self.name_permanent = True
         self.ip_permanent = True
         #: Another station uses the address: shown in the BlockInfo of the IP blocks.

@@ -85,7 +85,6 @@ __all__ = [
 
 
 NO_ADDRESS: Final = IPv4Address(0)
-#: Flags of an answer in one PDU.
 #: How long an activity may stay in a state.
 _WAITS: Final = {
     ServerState.IDLE: attrgetter("idle_ns"),
@@ -95,6 +94,7 @@ _WAITS: Final = {
     ServerState.REPLYING: attrgetter("fragment_retry_ns"),
     ServerState.REPLIED: attrgetter("reply_ns"),
 }
+#: Flags of an answer in one PDU.
 _WHOLE: Final = int(Flags1.NO_FACK | Flags1.LAST_FRAGMENT)
 
 
