@@ -113,6 +113,14 @@ def test_an_address_in_use_is_defended_once_in_ten_seconds_and_its_connections_s
     assert wire.peer.get(TCP_IP, 1, 11).data == found, "the last conflict is kept"
 
 
+def test_a_conflict_that_goes_on_is_written_to_the_memory_once(wire, monkeypatch):
+    written = []
+    monkeypatch.setattr(wire.drive.station, "save", lambda: written.append(wire.drive.station.kept["last_conflict"]))
+    for host in range(20, 40):
+        wire.say(OPERATION_REQUEST, OWN, IPv4Address(f"10.77.0.{host}"))
+    assert [found[:7] for found in written] == [b"\2" + wire.mac]
+
+
 def test_without_detection_an_address_is_used_at_once_and_nothing_is_watched(wire):
     wire.peer.connect()
     assert wire.peer.set(TCP_IP, 1, 10, b"\0").status == 0

@@ -36,7 +36,7 @@ _USED: Final = {ClaimState.BOUND, ClaimState.CONTESTED, ClaimState.RECHECKING}
 class DeviceAddress:
     """``detects``: conflicts are looked for; ``answers``: ARP requests are answered here, not by the link.
 
-    ``conflict(octets)`` is called with attribute 11 whenever it changes.
+    ``conflict(octets)`` is called with attribute 11 for each conflict that is acted upon, not for each packet of one.
     """
 
     def __init__(
@@ -59,6 +59,8 @@ class DeviceAddress:
         self._claim.ip = ip
         self._frames: list[bytes] = []
         self._defended: int | None = None
+        #: The last conflicting packet, as in attribute 11.
+        self._found = b""
         #: The other station, while there is one.
         self.conflict_mac: bytes | None = None
 
@@ -92,7 +94,7 @@ class DeviceAddress:
         """Another station has the address, or wants it at the same time."""
         activity = ONGOING if self.in_use else PROBING
         self.conflict_mac = packet.sender_mac
-        self._conflict(bytes([activity]) + packet.sender_mac + emit_arp(packet))
+        self._found = bytes([activity]) + packet.sender_mac + emit_arp(packet)
         self._follow(ClaimSign.OBJECTION, now)
 
     def next_deadline(self) -> int | None:
@@ -119,7 +121,9 @@ class DeviceAddress:
                     self._defended = now
                     self._announce()
                     self._note(now, AddressConflict(self.ip, other))
+                    self._conflict(self._found)
             case "refuse":
+                self._conflict(self._found)
                 self._note(now, AddressNotUsed(self.ip, other))
             case "take":
                 self.conflict_mac = None
