@@ -83,6 +83,21 @@ def test_a_diagnosis_request_is_read_with_its_block_while_data_are_exchanged(ben
     assert bench.turns()
 
 
+@pytest.mark.parametrize("kind", ["diagnosis-request", "config-fault"])
+def test_a_fault_whose_slave_boots_before_its_master_met_it_is_confirmed_behind_the_boot(bench, kind):
+    # what the master met before does not count
+    bench.inject(kind)
+    bench.line.run(0.5)
+    bench.clear()
+    fault = bench.inject(kind)
+    bench.core.axis(bench.name).station.power_cycle(bench.line.now_ns)
+    assert not fault.evidence().confirmed
+    bench.line.run(3.0)
+    assert fault.evidence().confirmed
+    bench.clear()
+    assert bench.turns()
+
+
 def test_a_static_diagnosis_is_read_again_and_again_until_it_ends(bench):
     bench.inject("static-diagnosis")
     bench.line.run(0.3)

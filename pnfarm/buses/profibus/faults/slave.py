@@ -94,13 +94,13 @@ class SlavePart(DrivePart):
 
     @property
     def diagnoses_read(self) -> int:
-        """How often a master read the diagnosis since power-on."""
-        return self._device.slave.diagnoses
+        """How often a master read the diagnosis."""
+        return self._device.counted()["diagnosis"]
 
     @property
     def refusals(self) -> int:
-        """How often the slave reported to a master that something does not fit, since power-on."""
-        return self._device.slave.refusals
+        """How often the slave reported to a master that something does not fit."""
+        return self._device.counted()["refused"]
 
     @property
     def is_on_line(self) -> bool:
