@@ -58,15 +58,20 @@ from pnfarm.protocols.enip.wire.message import MessageReply, MessageRequest, mes
 __all__ = ["Originator", "OriginatorSettings"]
 
 _MANAGER: Final = logical_path(0x06, 1)
-#: The key of the session's own deadline among those of the requests.
-_SESSION: Final = 0
+#: The keys of the session's own deadlines among those of the requests: for its reply, for the next NOP.
+_SESSION, _ALIVE = 0, -1
 
 
 @dataclass(frozen=True, slots=True)
 class OriginatorSettings:
-    """Bounds of an originator; ``timeout_ns`` is the time for any reply."""
+    """Bounds of an originator; ``timeout_ns`` is the time for any reply.
+
+    In a session it sends a NOP every ``alive_ns``: a target closes a TCP connection on which nothing comes, usually
+    after 120 s (TCP/IP Interface object, attribute 13).
+    """
 
     timeout_ns: int = 5_000_000_000
+    alive_ns: int = 30_000_000_000
     pending: int = 64
     message_octets: int = 65_511
 
@@ -140,6 +145,9 @@ class Originator:
         for number in self._deadlines.take(now):
             if number == _SESSION:
                 self._step(OriginatorEvent.TIMEOUT, now, "no reply to RegisterSession")
+            elif number == _ALIVE:
+                self._send(Command.NOP, b"", 0)
+                self._deadlines.set(_ALIVE, now + self.settings.alive_ns)
             elif (pending := self._pending.pop(number, None)) is not None:
                 self._fail(pending, "no reply in time")
                 self._free(pending, now)
@@ -339,6 +347,7 @@ class Originator:
                 self._send(Command.REGISTER_SESSION, RegisterSession().emit(), 0)
             case "_report_registered":
                 self._deadlines.set(_SESSION, None)
+                self._deadlines.set(_ALIVE, now + self.settings.alive_ns)
                 self._notes.append(SessionRegistered(self.session))
             case "_send_unregister":
                 self._send(Command.UNREGISTER_SESSION, b"", 0)
@@ -348,6 +357,7 @@ class Originator:
 
     def _end(self) -> None:
         self._deadlines.set(_SESSION, None)
+        self._deadlines.set(_ALIVE, None)
         self._held = b""
         for connection in self._explicit.values():
             self._drop(connection, self._reason)

@@ -308,6 +308,14 @@ def test_a_session_that_the_drive_ends_is_made_again_beside_the_data():
     assert line.station().fault_counts == {}
 
 
+def test_a_session_stays_beside_cyclic_data_for_longer_than_the_drive_waits_for_messages():
+    line = ScannerLine(program=IDLE)
+    line.connect()
+    assert line.station().device.tcp_ip.inactivity_timeout_s == 120
+    line.run(260.0)
+    assert (line.row()["sessions_lost"], "session lost" in line.texts()) == (0, False)
+
+
 def test_a_session_that_cannot_be_made_again_is_lost_once_however_often_it_is_tried():
     line = ScannerLine()
     line.enable()

@@ -21,7 +21,7 @@ from pnfarm.protocols.enip.originator_events import (
     SessionEnded,
     SessionRegistered,
 )
-from pnfarm.protocols.enip.wire.encapsulation import EncapsulationPdu, emit_encapsulation
+from pnfarm.protocols.enip.wire.encapsulation import Command, EncapsulationPdu, emit_encapsulation
 from pnfarm.protocols.enip.wire.epath import logical_path
 from pnfarm.protocols.enip.wire.message import message_request
 
@@ -153,7 +153,21 @@ def test_a_silent_target_fails_requests_and_the_registration():
     other.exchange()
     (failed,) = other.later(5.1)
     assert (failed.number, failed.reason) == (number, "no reply in time")
-    assert other.originator.next_deadline() is None
+    assert other.later(60.0) == [], "nothing else is waited for"
+
+
+def test_a_session_without_requests_is_kept_alive():
+    settings = OriginatorSettings()
+    pair = Pair()
+    pair.exchange()
+    registered = pair.now
+    assert pair.originator.next_deadline() == registered + settings.alive_ns
+    pair.originator.handle_timeout(registered + settings.alive_ns)
+    (output,) = pair.originator.take_outputs()
+    assert output.data == emit_encapsulation(EncapsulationPdu(Command.NOP, b"", pair.originator.session))
+    assert pair.originator.next_deadline() == registered + 2 * settings.alive_ns
+    pair.originator.unregister(pair.now)
+    assert pair.originator.next_deadline() is None
 
 
 def test_requests_are_bounded_and_need_a_session():
