@@ -175,6 +175,16 @@ def test_a_fault_that_the_model_does_not_have_is_refused_and_nothing_happens(lin
     assert line.faults.list() == []
 
 
+def test_a_fault_whose_drive_loses_its_supply_before_it_has_it_comes_when_the_supply_is_back(line):
+    fault = line.add("drive-fault", params={"fault": 702})
+    line.add("power-cycle", params={"off": "300ms"})
+    line.run(0.2)
+    assert fault.state == "active"
+    assert line.until(lambda: line.farm.axes[0].fault_counts == {702: 1})
+    assert line.until(lambda: fault.state == "ended", 10.0)
+    assert line.farm.axes[0].fault_counts == {702: 1}
+
+
 def test_a_power_cycle_boots_the_drive_and_the_controller_finds_it_again(line):
     fault = line.add("power-cycle", params={"off": "500ms"})
     assert not line.farm.axes[0].powered

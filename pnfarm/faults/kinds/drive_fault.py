@@ -28,6 +28,8 @@ class DriveFault(ConfirmedEffect):
     status = Status.FAULT
     _was_active = False
     _raised_before = 0
+    #: The supply went before the drive had the fault.
+    _missed = False
 
     def prepare(self) -> None:
         self._hold = bool(self.values["hold"]) or self.spec.for_ns is not None or self.spec.cycles is not None
@@ -48,7 +50,7 @@ class DriveFault(ConfirmedEffect):
         if not self.servo.powered:
             self._due = now + POLL_NS
             return
-        self._was_active = False
+        self._was_active = self._missed = False
         self._raised_before = self.servo.fault_count(self._fault)
         self.servo.raise_fault(self._fault)
         self._occurred(now)
@@ -59,7 +61,7 @@ class DriveFault(ConfirmedEffect):
             return
         seen = self.tally.seen.activations
         active = self.servo.fault_is_active(self._fault)
-        if not seen:
+        if not seen or (self._missed and self.servo.powered):
             self._raise(now)
         elif active:
             self._was_active = True
@@ -72,6 +74,9 @@ class DriveFault(ConfirmedEffect):
                 self.finished = True
             else:
                 self._raise(now)
+        elif not self.servo.powered:
+            self._missed = True
+            self._due = now + POLL_NS
 
     def end(self, now: int) -> None:
         self._look(now)
