@@ -232,6 +232,8 @@ def farm_file() -> str:
             known = f"`{field['default']}`" if field.get("default") is not None else ""
             default = "required" if key in required else known
             kind = _type(field, defs).replace("|", "\\|")
+            if kind == "text" and isinstance(field.get("default"), list):
+                default = f"`{':'.join(map(str, field['default']))}`"  # a pair in the type, HOST:PORT in the file
             if kind == "text" and isinstance(field.get("default"), int):
                 default = f"`{field['default'] / 1e9:g}s`"  # a duration: nanoseconds in the type, text in the file
             meaning = " ".join(str(field.get("description", "")).split())

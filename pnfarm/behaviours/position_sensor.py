@@ -62,7 +62,7 @@ POSITION_SENSOR = Behaviour(
     parameters=(
         quantity("from", "where it begins"),
         quantity("to", "where it ends; below `from` where it lies across the end of the period"),
-        quantity("period", "it is there again each so far, 0 = once", default=0.0, low=0.0),
+        quantity("period", "distance after which the sensor comes again, 0 = one sensor", default=0.0, low=0.0),
         quantity("hysteresis", "how far beyond the range it stays on", default=0.0, low=0.0),
         duration("delay_on", "from entering to on", default=0.0),
         duration("delay_off", "from leaving to off", default=0.0),
