@@ -65,7 +65,7 @@ def _code_and_text(error: BaseException) -> tuple[int, str]:
 
 
 def _usage(error: BaseException) -> str:
-    sentence = str(error.format_message()).strip().rstrip(".")  # type: ignore[attr-defined]  # every usage error has it
+    sentence = " ".join(str(error.format_message()).split()).rstrip(".")  # type: ignore[attr-defined]  # every usage error has it
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "pnfarm"
     return f"pnfarm: {sentence[:1].lower()}{sentence[1:]}; see `{command} --help`"

@@ -62,6 +62,7 @@ def test_the_package_runs_as_the_program():
         (("bogus",), "no such command 'bogus'"),
         (("up", "--bogus", "x"), "no such option: --bogus"),
         (("validate",), "missing argument"),
+        (("schema",), "missing argument 'farm|scenario|verify'. Choose from: farm, scenario, verify; see"),
         (("schema", "scenario-x"), "'scenario-x'"),
         (("--log-level", "loud", "models"), "'loud'"),
         (("scan", "--interface", "lo", "--seconds", "0"), "--seconds"),
