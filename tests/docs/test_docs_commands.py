@@ -13,6 +13,7 @@ from typing import NamedTuple
 import pytest
 
 from pnfarm.cli.main import main
+from pnfarm.farm.file.reading import parse_farm
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -139,6 +140,20 @@ def test_every_pattern_of_the_cookbook_is_right_in_a_scenario(tmp_path):
         file = tmp_path / f"{place}.scenario.yml"
         file.write_text(head + textwrap.indent(text, "  "), "utf-8")
         assert main(["validate", str(file)]) == 0, text
+
+
+def device_examples() -> list[str]:
+    """The examples of devices whose description files are in ``configs``, each as a farm file."""
+    indented = re.findall(r"^    devices:\n(?:(?:     .*)?\n)+", (DOCS / "devices.md").read_text("utf-8"), re.MULTILINE)
+    texts = [textwrap.dedent(text) for text in indented if "Example-" in text or "EXMP" in text]
+    return [f"farm: example\nlink: {{kind: memory}}\n{text}" for text in texts]
+
+
+def test_every_example_of_devices_is_a_right_farm_file():
+    examples = device_examples()
+    assert len(examples) == 3
+    for text in examples:
+        parse_farm(text, path=ROOT / "configs" / "example.pnfarm.yml")
 
 
 LINE = ROOT / "configs" / "scenarios" / "line.pnfarm.yml"
