@@ -335,8 +335,10 @@ class FarmCore:
         if (found := self._axis_by_name.get(name)) is not None:
             return found
         station = self.station(name)
+        if not station.axes:
+            raise ConfigError(f"{name} is a device, not a drive; `pnfarm inspect` lists both")
         if len(station.axes) != 1:
-            names = ", ".join(axis.configured_name for axis in station.axes) or "none"
+            names = ", ".join(axis.configured_name for axis in station.axes)
             raise ConfigError(f"{name} is no single axis; its axes: {names}")
         return station.axes[0]
 

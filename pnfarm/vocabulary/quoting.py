@@ -59,9 +59,9 @@ def shown(value: object) -> str:
         case str():
             text = repr(value)
         case dict():
-            return "a mapping"
+            return "a mapping" if value else "an empty mapping"
         case list():
-            return "a list"
+            return "a list" if value else "an empty list"
         case _:
             text = str(value)
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."

@@ -59,6 +59,7 @@ def test_a_device_shows_identity_modules_connection_and_signals(world):
 def test_an_unknown_device_gets_a_near_name_and_a_drive_is_none(world):
     assert_problem(world.get("/api/v1/devices/island-2"), 404, "did you mean island-1?")
     assert_problem(world.get("/api/v1/devices/axis-01"), 404, "axis-01 is a drive", "devices of farm")
+    assert_problem(world.get("/api/v1/drives/island-1"), 404, "island-1 is a device, not a drive")
 
 
 def test_signals_have_type_unit_place_value_and_status(world):

@@ -370,7 +370,7 @@ def test_drives_of_two_profiles_are_traced_together_each_with_its_own_words() ->
         ({"signals": ["velocity"], "as": "a b"}, ("trace.as: is 'a b'",)),
         ({"signals": ["velocity"], "every": 0}, ("trace.every: is 0", "1 to")),
         ({"signals": ["velocity"], "every": 2, "interval": "1ms"}, ("contradicts interval",)),
-        ({"signals": []}, ("trace.signals: is a list",)),
+        ({"signals": []}, ("trace.signals: is an empty list",)),
         ({}, ("trace.signals: is missing",)),
         ({"signals": ["velocity"], "pre": "5"}, ("trace.pre: '5' is not a duration",)),
         ({"signals": ["velocity"], "triger": "now"}, ("did you mean trigger?",)),
