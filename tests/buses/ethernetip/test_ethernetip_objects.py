@@ -303,6 +303,14 @@ def test_7_1_torque_is_a_part_of_the_peak(drive: Bench) -> None:
     assert float(drive.axis.motor.current) == pytest.approx(9.0 / 4, rel=0.02)
 
 
+def test_move_type_and_torque_are_as_new_behind_a_power_cycle(drive: Bench) -> None:
+    assert (drive.set(10, b"\x01"), drive.set(25, pack("<i", 820))) == (OK, OK)
+    assert (drive.attribute(10), drive.attribute(25)) == (1, 820)
+    # as a station that boots
+    drive.controller = PositionController(drive.store, drive.values)
+    assert (drive.attribute(10), drive.attribute(25)) == (0, 0)
+
+
 def test_6_4_2_homing_by_its_attributes() -> None:
     drive = Bench(homed=False)
     assert drive.set(101, b"\x01") == STATE, "it is not enabled"

@@ -56,6 +56,8 @@ class PositionController:
         self._store = store
         self._values = values
         self._rows = store.model.cip.attributes
+        # the drive boots: what attributes set before is gone
+        self._settings.incremental = self._settings.torque = 0
 
     @property
     def instances(self) -> Container[int]:
