@@ -194,7 +194,10 @@ def test_no_request_after_the_description_is_answered_by_a_server_error(describe
     seen = set()
     for number in range(CASES * len(operations)):
         method, path, operation = operations[number % len(operations)]
-        faults = [fault.id for fault in world.faults.list()] or ["fault-1"]
+        if number % len(operations) == 0:
+            # one that can be renewed
+            world.faults.inject(WHOLE["/api/v1/faults"], world.line.world.now)
+        faults = [fault.id for fault in world.faults.list()][-4:] or ["fault-1"]
         traces = [trace.id for trace in world.line.farm.traces.kept()] or ["trace-1"]
         asked = request(rng, method, path, operation, described, faults, traces)
         response = world.request(**asked)

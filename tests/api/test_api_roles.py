@@ -12,6 +12,7 @@ import pytest
 from api_world import ApiWorld, assert_problem
 from events import Something
 from hub_world import HubWorld
+from structlog.testing import capture_logs
 
 from pnfarm.api.access import token_file
 from pnfarm.api.access.guard import COOKIE, OPEN_PATHS, SAFE_METHODS
@@ -216,7 +217,7 @@ def test_an_open_stream_ends_with_its_token(tokens):
     assert b"late" not in b"".join(message.get("body", b"") for message in sent)
 
 
-def test_a_changed_file_that_could_not_be_read_for_a_moment_is_read_again(tmp_path, monkeypatch, capsys):
+def test_a_changed_file_that_could_not_be_read_for_a_moment_is_read_again(tmp_path, monkeypatch):
     """As where the machine has no file descriptor left."""
 
     def refuses(path, most):
@@ -226,11 +227,11 @@ def test_a_changed_file_that_could_not_be_read_for_a_moment_is_read_again(tmp_pa
     add_token(path, "ci", Role.READ, None)
     file = TokenFile(path)
     add_token(path, "wall", Role.READ, None)
-    with monkeypatch.context() as patch:
+    with monkeypatch.context() as patch, capture_logs() as shown:
         patch.setattr(token_file, "read_regular", refuses)
         assert [file.holders() for _ in range(3)] == [[], [], []]
     assert [holder.name for holder in file.holders()] == ["ci", "wall"]
-    assert capsys.readouterr().out.count("no token of the file is taken") == 1
+    assert [entry["event"] for entry in shown].count("no token of the file is taken") == 1
 
 
 def test_while_the_file_is_wrong_none_of_its_tokens_is_taken_and_the_farms_own_is(tmp_path):
