@@ -201,6 +201,7 @@ REASONS: Mapping[str, str] = MappingProxyType(
 PREFIXES: Mapping[str, str] = MappingProxyType(
     {
         "accept-": "stream could not be accepted: ",
+        "connect-": "stream could not be opened: ",
         "arp-": "ARP packet: ",
         "datagram-": "datagram could not be passed on: ",
         "group-": "multicast group could not be joined: ",
