@@ -352,6 +352,8 @@ tests:
     input_series:
       - {series: 'up{job="pnfarm", instance="a"}', values: "1 0x10"}
       - {series: 'up{job="pnfarm", instance="b"}', values: "1 0 1x10"}
+      - {series: 'pnfarm_hub_shard_up{shard="gone"}', values: "1 0x10"}
+      - {series: 'pnfarm_hub_shard_up{shard="back"}', values: "1 0 1x10"}
       - {series: 'pnfarm_ar_exchanging{drive="lost"}', values: "1 0x20"}
       - {series: 'pnfarm_ar_connects_total{drive="lost"}', values: "1x20"}
       - {series: 'pnfarm_ar_exchanging{drive="never"}', values: "0x20"}
@@ -373,10 +375,11 @@ tests:
       - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="punctual", le="0.008"}', values: "0+9x20"}
       - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="punctual", le="+Inf"}', values: "0+9x20"}
     promql_expr_test:
-      - expr: sum by (alertname, instance, drive) (ALERTS{alertstate="firing"})
+      - expr: sum by (alertname, instance, drive, shard) (ALERTS{alertstate="firing"})
         eval_time: 50s
         exp_samples:
           - {labels: '{alertname="FarmDown", instance="a"}', value: 1}
+          - {labels: '{alertname="ShardAway", shard="gone"}', value: 1}
           - {labels: '{alertname="DriveLostItsController", drive="lost"}', value: 1}
           - {labels: '{alertname="DriveFaultStands", drive="stands"}', value: 1}
           - {labels: '{alertname="ControllerWatchdogExpires", instance="a", drive="nervous"}', value: 1}
