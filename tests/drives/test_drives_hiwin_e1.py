@@ -23,7 +23,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, Parame
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.axis_codes import CMD_CLEAR_HISTORY
+from pnfarm.table.axis_codes import CMD_CLEAR_HISTORY, COMMANDS
 from pnfarm.table.signals import WORD_NONE
 
 E = ParameterErrorNumber
@@ -458,7 +458,7 @@ def test_4_3_6_every_error_number_that_this_drive_can_give(e1: Drive, manual: st
     table = manual.split("Table 4.3.6.1\n", maxsplit=1)[1].split("5. Diagnostics", maxsplit=1)[0]
     rows = re.findall(r"^0x([0-9A-F]{2})\t(?!Reserved)", table, re.MULTILINE)
     assert {int(number, 16) for number in rows} - {0x0D, 0x0E, 0x13} == set(ERRORS)
-    for _ in range(16):
+    for _ in range(COMMANDS - 1):
         e1.store.handle.push_command(CMD_CLEAR_HISTORY)
     for number, request in ERRORS.items():
         if request is None:
