@@ -169,3 +169,20 @@ def test_an_internal_error_has_its_own_exit_code(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr("pnfarm.scenario.virtual.run_virtual", broken)
     assert main(["run", str(file), "--virtual"]) == 5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["run", "configs/cell.pnfarm.yml"], "drives: is of a farm file: `pnfarm up` runs it"),
+        (["up", "configs/scenarios/f702-ladder.scenario.yml"], "steps: is of a scenario: `pnfarm run` carries it out"),
+    ],
+)
+def test_a_file_of_the_other_kind_is_refused_in_one_sentence_with_the_command_for_it(
+    arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(LIBRARY.parents[1])
+    assert main(arguments) == 2
+    told = capsys.readouterr().err
+    assert sentence in told
+    assert told.count("\n") == 1

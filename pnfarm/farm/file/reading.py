@@ -239,6 +239,9 @@ def _build(
         report((), f"is {shown(values)}", "a mapping such as `farm: line-1` ...")
         raise FarmFileError(issues)
     named = "drives" in values or "devices" in values
+    if "steps" in values and not named:
+        report(("steps",), "is of a scenario: `pnfarm run` carries it out", "a farm file, with `drives` or `devices`")
+        raise FarmFileError(issues)
     if not named and (values.get("farm") is not None or not _names_devices(values)):
         report(("drives",), "is missing", "a list of groups, each with name and model")
     config = None

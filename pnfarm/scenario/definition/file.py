@@ -177,6 +177,9 @@ class _Reader:
         if not isinstance(values, dict):
             self.report((), f"is {shown(values)}", "a mapping such as `scenario: f702-recovery` ...")
             return None
+        if "steps" not in values and (of_farm := next((key for key in ("drives", "devices") if key in values), None)):
+            self.report((of_farm,), "is of a farm file: `pnfarm up` runs it", "a scenario, with `steps`")
+            return None
         self._check_keys(values, (), KEYS)
         name = values.get("scenario")
         if not isinstance(name, str) or not _NAME.fullmatch(name):
