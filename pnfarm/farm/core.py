@@ -20,8 +20,9 @@ from pnfarm.engine.channels.impairments import ImpairmentTable
 from pnfarm.engine.channels.schedule import ChannelTable
 from pnfarm.engine.columns import allocate
 from pnfarm.engine.lateness import LatenessRecord
-from pnfarm.errors import ConfigError, InternalError
+from pnfarm.errors import ConfigError, EnvironmentError_, InternalError
 from pnfarm.farm.engine_events import EngineEvents
+from pnfarm.farm.events import PortsRefused
 from pnfarm.farm.file.places import NO_FILE, FilePlaces
 from pnfarm.farm.injections import make_manager
 from pnfarm.farm.realism import imperfections
@@ -68,6 +69,8 @@ __all__ = ["FarmCore"]
 
 #: Impairment rows for each drive: injections into its cyclic frames that can be active at once.
 IMPAIRMENTS_PER_DRIVE = 8
+#: An address that the machine refused to a running farm is tried again after this time.
+SERVE_AGAIN_NS = 1_000_000_000
 #: New axes with the motors and the hardware of the models.
 _NEW_MOTORS: FreshRows[None] = FreshRows()
 
@@ -231,6 +234,9 @@ class FarmCore:
         )
         gate.set_receiver(self.receive)
         self._served: dict[int, tuple[int, Services]] = {}
+        #: When an address and its ports that the machine refused are tried again, by station.
+        self._unserved: dict[int, int] = {}
+        self._started = False
         if self._sockets is not None:
             self._sockets.set_user(self.socket_event)
         self._port_of = {name: s.port.index for s in self.stations for name in s.names}
@@ -310,6 +316,7 @@ class FarmCore:
             self.settle(station, now)
         if self.plant is not None:
             self.plant.start(now)
+        self._started = True
 
     def stop(self, now: int) -> None:
         """Tell every controller that its drive shuts down: an ERR-RTA for each connection."""
@@ -431,21 +438,37 @@ class FarmCore:
         port, services = station.port.index, station.services()
         served = self._served.get(port)
         wanted = None if services is None else (station.starts, services)
-        if wanted != served:
+        if wanted != served or self._unserved.get(station.index, now + 1) <= now:
             if self._sockets is None:
                 raise ConfigError(f"drive {station.configured_name} needs sockets, which a {self.link.kind} link lacks")
             # its streams are gone
             self._socket_gate.restart(port)
             if services is None or wanted is None:
                 del self._served[port]
+                self._unserved.pop(station.index, None)
                 self._sockets.withdraw(port)
             else:
                 self._served[port] = wanted
-                self._sockets.serve(port, services)
-                if self._socket_gate.refuses(port):
-                    self._sockets.refuse(port, refused=True)
+                self._serve(station, services, now)
         for action in station.pump_sockets(now):
             self._socket_gate.sent(port, action, now)
+
+    def _serve(self, station: StationNode, services: Services, now: int) -> None:
+        """Open its address and ports; what the machine refuses to a running farm is tried again."""
+        assert self._sockets is not None
+        port = station.port.index
+        try:
+            self._sockets.serve(port, services)
+        except EnvironmentError_ as exc:
+            if not self._started:
+                raise
+            if station.index not in self._unserved:
+                self.log.record(now, station.configured_name, PortsRefused(str(exc)))
+            self._unserved[station.index] = now + SERVE_AGAIN_NS
+            return
+        self._unserved.pop(station.index, None)
+        if self._socket_gate.refuses(port):
+            self._sockets.refuse(port, refused=True)
 
     def _audience(self, frame: bytes) -> list[int] | None:
         """Ports that a group-addressed frame can concern, None for any.
@@ -515,7 +538,8 @@ class FarmCore:
             self._line_segment.answered(station.port.index, now)
         if station.has_sockets:
             self._carry(station, now)
-        self._deadlines.set(station.index, station.next_deadline())
+        due = [one for one in (station.next_deadline(), self._unserved.get(station.index)) if one is not None]
+        self._deadlines.set(station.index, min(due, default=None))
         if self.plant is not None:
             self.plant.settled(station.names)
         # a connection, a parameter: an injection may wait for it

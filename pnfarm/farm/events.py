@@ -30,6 +30,7 @@ __all__ = [
     "MemoryBack",
     "OpcUaFailed",
     "OpcUaListening",
+    "PortsRefused",
     "RealTimeOptionRefused",
     "RealTimeOptionTakenBack",
     "StateRestored",
@@ -220,6 +221,13 @@ class EngineEventsLost(Event):
 @event("MAC address not restored", "warning")
 class AddressNotRestored(Event):
     """An injection changed a drive's MAC address and the link refused to restore it; it is tried again."""
+
+    reason: str
+
+
+@event("ports not opened", "warning")
+class PortsRefused(Event):
+    """The machine refused a drive of a running farm its address or its ports; it is tried again each second."""
 
     reason: str
 

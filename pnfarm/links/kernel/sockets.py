@@ -90,14 +90,16 @@ class _Host:
 
 def _require(address: IPv4Address, interface: str) -> None:
     """Raises :class:`~pnfarm.errors.EnvironmentError_` where the kernel does not have this address."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        try:
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             sock.bind((str(address), 0))
-        except OSError as exc:
-            raise EnvironmentError_(
-                f"{address} is no address of this machine, and {interface} is not changed: `ip addr add "
-                f"{address}/PREFIX dev {interface}`, or take the address that it has"
-            ) from exc
+    except OSError as exc:
+        if exc.errno != errno.EADDRNOTAVAIL:
+            raise EnvironmentError_(f"{address} at {interface} cannot be tried: {exc.strerror}") from exc
+        raise EnvironmentError_(
+            f"{address} is no address of this machine, and {interface} is not changed: `ip addr add "
+            f"{address}/PREFIX dev {interface}`, or take the address that it has"
+        ) from exc
 
 
 class KernelSockets:
