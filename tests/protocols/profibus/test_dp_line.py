@@ -194,7 +194,7 @@ def test_a_diagnosis_in_data_exchange_is_fetched_once_and_a_static_one_again_and
     line.run(0.1)
     assert slave.diagnoses == fetched
     read = [event.diagnosis.status for event in line.events if isinstance(event, DiagnosisRead)]
-    assert [StationStatus.STAT_DIAG in status for status in read] == [False, True, False]
+    assert [bool(status & StationStatus.STAT_DIAG) for status in read] == [False, True, False]
 
 
 def test_the_diagnosis_of_a_slave_without_inputs_is_read_and_data_exchange_goes_on():
