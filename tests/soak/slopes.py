@@ -20,8 +20,8 @@ from tests.soak.judge import Check
 
 __all__ = ["BOUNDS", "MIB", "TOO_SHORT", "WARM_SECONDS", "Slope", "processes", "series", "slope", "slope_check"]
 
-#: Left out of each process: 1,024 ended faults and a hub's 16,384 entries, which are kept, have come by then, and 1.7 MiB
-#: that a farm takes once, at one moment, behind 48 to 53 minutes; the time of which one mean is made.
+#: Left out of each process: 1,024 ended faults and a hub's 16,384 entries, which are kept, have come by then, and the
+#: 1.7 MiB that a farm takes once, at one moment, behind 48 to 53 minutes; the time of which one mean is made.
 WARM_SECONDS, BLOCK_SECONDS = 3600.0, 120.0
 #: A process with fewer blocks says nothing of a slope; with fewer degrees of freedom there is no interval.
 FEWEST_BLOCKS, FEWEST_FREE = 3, 4
