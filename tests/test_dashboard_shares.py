@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 
 import pytest
-from rig_dashboards import ROOT, queries
+from rig_dashboards import ROOT, needs_promtool, queries
 
 from pnfarm.metrics import FarmCollector
 from pnfarm.metrics.collector import connection_numbers
@@ -29,11 +28,6 @@ devices:
     slots: {{1: 16DI}}
 controller: {{name: plc, ip: 10.77.1.250/23, cycle: 16ms, watchdog_factor: 3}}
 """
-
-
-needs_promtool = pytest.mark.skipif(
-    shutil.which("promtool") is None, reason="promtool is not installed (apt-get install prometheus)"
-)
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import subprocess
 
 import pytest
 import virtual_line
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
+from rig_dashboards import needs_promtool
 from shared_line import SharedLine
 from virtual_line import VirtualLine
 
@@ -547,7 +547,7 @@ def test_series_added_after_a_look_come_with_the_next():
     assert 'what="b"} 2' in family.text([1, 2])
 
 
-@pytest.mark.skipif(shutil.which("promtool") is None, reason="promtool is not installed")
+@needs_promtool
 def test_promtool_has_nothing_to_remark():
     line = VirtualLine(2)
     collector = FarmCollector(line.farm)

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from rig_dashboards import needs_promtool
 
 from pnfarm.cli.farm_file import read
 from pnfarm.farm.file.reading import expand
@@ -26,9 +27,6 @@ ROOT = Path(__file__).resolve().parents[1]
 COMPOSE = yaml.safe_load((ROOT / "compose.yaml").read_text("utf-8"))
 SERVICES = COMPOSE["services"]
 SUBNET = IPv4Network("10.77.0.0/24")
-needs_promtool = pytest.mark.skipif(
-    shutil.which("promtool") is None, reason="promtool is not installed (apt-get install prometheus)"
-)
 
 
 def loaded(name):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import re
-import shutil
 import subprocess
 from ipaddress import IPv4Network
 from pathlib import Path
 
 import pytest
 import yaml
+from rig_dashboards import needs_promtool
 
 from pnfarm.cli.farm_file import read
 from pnfarm.farm.file.reading import expand
@@ -87,7 +87,7 @@ def test_the_farm_file_has_the_stacks_names_and_addresses_that_no_container_gets
     assert CONFIG.api.token_file == "/run/secrets/token"
 
 
-@pytest.mark.skipif(shutil.which("promtool") is None, reason="promtool is not installed (apt-get install prometheus)")
+@needs_promtool
 def test_prometheus_takes_its_file(tmp_path):
     text = (ROOT / "configs" / "swarm" / "prometheus.yml").read_text("utf-8")
     (tmp_path / "token").write_text("x")

@@ -538,8 +538,10 @@ class FarmCore:
             self._line_segment.answered(station.port.index, now)
         if station.has_sockets:
             self._carry(station, now)
-        due = [one for one in (station.next_deadline(), self._unserved.get(station.index)) if one is not None]
-        self._deadlines.set(station.index, min(due, default=None))
+        due = station.next_deadline()
+        if (again := self._unserved.get(station.index)) is not None:
+            due = again if due is None else min(due, again)
+        self._deadlines.set(station.index, due)
         if self.plant is not None:
             self.plant.settled(station.names)
         # a connection, a parameter: an injection may wait for it

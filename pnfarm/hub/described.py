@@ -84,8 +84,8 @@ class HubWire(WireView):
 
 
 class HubPlant(PlantView, _Partial):
-    models: list[HubPlantModel]  # type: ignore[assignment]  # as above
-    wires: list[HubWire]  # type: ignore[assignment]  # as above
+    models: list[HubPlantModel]  # type: ignore[assignment]  # each of them has its shard besides
+    wires: list[HubWire]  # type: ignore[assignment]  # each of them has its shard besides
 
 
 class NotHit(Schema):

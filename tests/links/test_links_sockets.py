@@ -435,7 +435,7 @@ async def test_without_files_a_group_a_next_hop_and_a_stream_are_refused_and_not
         carrier.join(port, IPv4Address("239.192.1.32"))
         assert carrier.next_hop(port, IPv4Address("127.0.0.2")) is None
         stream = carrier.connect(port, (IPv4Address("127.0.0.1"), TCP))
-        await asyncio.sleep(0)
+        await asyncio.sleep(0)  # a turn of the loop, in which the user is told
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
         carrier.close()

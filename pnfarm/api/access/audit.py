@@ -375,7 +375,7 @@ class _Writer:
             work, found = call
             try:
                 told = partial(found.set_result, work())
-            except BaseException as exc:  # noqa: BLE001 - for who waits
+            except BaseException as exc:  # noqa: BLE001 - whatever it is, it is raised where the call is awaited
                 told = partial(found.set_exception, exc)
             # the loop may have ended
             with contextlib.suppress(RuntimeError):

@@ -5,9 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 from uuid import UUID
 
-from cm_support import ALARM_BLOCK, DAP_BLOCK, DRIVE_API, DRIVE_BLOCK, LEGACY, OBJECT_UUID, PEER, ROOM, Plan
+from cm_support import (
+    ALARM_BLOCK,
+    DAP_BLOCK,
+    DRIVE,
+    DRIVE_API,
+    DRIVE_BLOCK,
+    LEGACY,
+    OBJECT_UUID,
+    PEER,
+    ROOM,
+    Bench,
+    Plan,
+)
 
 from pnfarm.protocols.profinet.alarms.channel import AlarmAcknowledged, AlarmChannel, AlarmReceived
+from pnfarm.protocols.profinet.cm.device.events import SubmodulesChanged
 from pnfarm.protocols.profinet.errors import OK
 from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
@@ -18,6 +31,9 @@ from pnfarm.protocols.profinet.wire.cm.expected import ExpectedSubmoduleBlockReq
 from pnfarm.protocols.profinet.wire.cm.iocr import FrameSlot, IocrApi
 
 TAKEOVER_ALLOWED = LEGACY | 0x08
+PAP, TELEGRAM = (DRIVE_API, 1, 1), (DRIVE_API, 1, 2)
+DAP = (0, 0, 1)
+SHARED = replace(DRIVE, limits=replace(DRIVE.limits, max_ars=2))
 
 
 def dap_only():
@@ -150,3 +166,25 @@ class Controller:
     def heard(self):
         heard, self.alarms = self.alarms, []
         return heard
+
+
+def shared_bench():
+    return Bench(SHARED)
+
+
+def one_controller(**fields):
+    bench = Bench()
+    controller = Controller(bench, 1, **fields)
+    controller.establish()
+    bench.events()
+    return bench, controller
+
+
+def unusable(bench, key=None):
+    """The last word on what an AR cannot use."""
+    found = [e for e in bench.events() if isinstance(e, SubmodulesChanged) and key in {None, e.ar_key}]
+    return found[-1].unusable if found else None
+
+
+def places(alarms):
+    return [(a.alarm_type, a.api, a.slot, a.subslot) for a in alarms]

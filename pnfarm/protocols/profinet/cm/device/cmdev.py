@@ -374,7 +374,7 @@ class CmDevice:
             request = parse_connect(payload, self.description, admitted)
             layouts = check_connect(request, self.description)
             older = self._replaced(request, caller)
-            modules = self._following(request, older)
+            modules = self._modules.following(request.expected, [ar for ar in self.ars if ar not in older])
             # all that can be wrong with it comes before: a faulty Connect ends nothing
             check_plugged(request, modules)
             self._make_way(request, older, now)
@@ -448,20 +448,6 @@ class CmDevice:
                 ErrorCode.CONNECT, ConnectFault.CMRPC, CmrpcError.OUT_OF_PROVIDER_CONSUMER_ALARM_RESOURCES
             )
             raise RefusedError(status, "the channels of ARs that just ended are not free yet")
-
-    def _following(self, request: ConnectRequest, older: list[Ar]) -> dict[int, ModuleDescription | None]:
-        """The modules in its slots once the older ARs are gone.
-
-        Slots and subslots that no other AR uses take what is expected, where they can.
-        """
-        others = [e for ar in self.ars if ar not in older for e in ar.expected]
-        slots = {e.slot for e in others}
-        used = {(e.slot, s.subslot) for e in others for s in e.submodules}
-        found = {}
-        for slot, (module, idents) in expected_idents(request.expected).items():
-            free = {subslot: ident for subslot, ident in idents.items() if (slot, subslot) not in used}
-            found[slot] = self.plugged.following(slot, module, free, shared=slot in slots)
-        return found
 
     # Control, Release
 

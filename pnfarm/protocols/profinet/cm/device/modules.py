@@ -10,21 +10,21 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.cm.ar import CmdevState
-from pnfarm.protocols.profinet.cm.device.diff import Holdings, module_diff, unusable_submodules
+from pnfarm.protocols.profinet.cm.device.diff import Holdings, expected_idents, module_diff, unusable_submodules
 from pnfarm.protocols.profinet.cm.device.ownership import expected_keys
 from pnfarm.protocols.profinet.cm.device.plug import ParameterBegin, Plug, PlugsmEvent
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
 from pnfarm.protocols.profinet.wire.cm.connect import ArProperties
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from pnfarm.protocols.profinet.cm.ar import Ar, ExpectedKey
     from pnfarm.protocols.profinet.cm.device.alarms import DeviceAlarms
     from pnfarm.protocols.profinet.cm.device.events import AlarmConfirmed
-    from pnfarm.protocols.profinet.description import Plugged
+    from pnfarm.protocols.profinet.description import ModuleDescription, Plugged
     from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
-    from pnfarm.protocols.profinet.wire.cm.expected import ModuleDiffBlock
+    from pnfarm.protocols.profinet.wire.cm.expected import ExpectedApi, ModuleDiffBlock
 
 __all__ = ["Before", "Modules"]
 
@@ -87,6 +87,17 @@ class Modules:
         """Expected submodules that are there, as expected or as a substitute, whoever owns them."""
         missing = unusable_submodules(ar.expected, module_diff(ar.expected, self._plugged))
         return {key for key in expected_keys(ar.expected) if key not in missing}
+
+    def following(self, expected: Sequence[ExpectedApi], others: Iterable[Ar]) -> dict[int, ModuleDescription | None]:
+        """The modules in the slots of a new AR: what no other one uses takes what is expected, where it can."""
+        theirs = [entry for ar in others for entry in ar.expected]
+        slots = {entry.slot for entry in theirs}
+        used = {(entry.slot, sub.subslot) for entry in theirs for sub in entry.submodules}
+        found = {}
+        for slot, (module, idents) in expected_idents(expected).items():
+            free = {subslot: ident for subslot, ident in idents.items() if (slot, subslot) not in used}
+            found[slot] = self._plugged.following(slot, module, free, shared=slot in slots)
+        return found
 
     # what happens to it
 
