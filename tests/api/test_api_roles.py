@@ -14,7 +14,7 @@ from events import Something
 from hub_world import HubWorld
 from structlog.testing import capture_logs
 
-from pnfarm.api.access import token_file
+from pnfarm.api.access import followed, token_file
 from pnfarm.api.access.guard import COOKIE, OPEN_PATHS, SAFE_METHODS
 from pnfarm.api.access.rights import role_of
 from pnfarm.api.access.token_file import TokenFile, add_token, read_tokens, remove_tokens
@@ -227,11 +227,72 @@ def test_a_changed_file_that_could_not_be_read_for_a_moment_is_read_again(tmp_pa
     add_token(path, "ci", Role.READ, None)
     file = TokenFile(path)
     add_token(path, "wall", Role.READ, None)
-    with monkeypatch.context() as patch, capture_logs() as shown:
-        patch.setattr(token_file, "read_regular", refuses)
-        assert [file.holders() for _ in range(3)] == [[], [], []]
-    assert [holder.name for holder in file.holders()] == ["ci", "wall"]
+
+    async def holders():
+        await file.follow()
+        return [holder.name for holder in file.holders]
+
+    async def main():
+        monkeypatch.setattr(followed, "AGAIN_SECONDS", 0.0)
+        with monkeypatch.context() as patch:
+            patch.setattr(token_file, "read_regular", refuses)
+            assert [await holders() for _ in range(3)] == [[], [], []]
+        assert await holders() == ["ci", "wall"]
+
+    with capture_logs() as shown:
+        anyio.run(main)
     assert [entry["event"] for entry in shown].count("no token of the file is taken") == 1
+
+
+def test_a_disk_that_does_not_answer_holds_up_neither_the_farm_nor_the_other_tokens(tmp_path, monkeypatch):
+    """As a network disk whose server has gone: the file has changed, and reading it does not return."""
+    path, own = tmp_path / "tokens", "the-farms-own-token"  # a test's, nobody's
+    secret = add_token(path, "ci", Role.READ, None)
+    answers = threading.Event()
+    read = token_file.read_regular
+
+    def waits(path, most):
+        answers.wait()
+        return read(path, most)
+
+    monkeypatch.setattr(token_file, "read_regular", waits)
+    answers.set()
+    file = TokenFile(path)
+    answers.clear()
+    world = ApiWorld(1, controller=False, token=own, tokens=file)
+    path.write_text(path.read_text() + "# changed\n")
+
+    async def main():
+        ticks = 0
+
+        async def beat():
+            nonlocal ticks
+            while True:
+                await anyio.sleep(0.01)
+                ticks += 1
+
+        async with anyio.create_task_group() as group, world.client() as client:
+            group.start_soon(beat)
+
+            async def status(token):
+                return (await client.get(DRIVES, headers={"Authorization": f"Bearer {token}"})).status_code
+
+            assert (await status(own), await status(secret)) == (200, 401)
+            # it waited for the disk once, and the event loop not at all
+            assert ticks > 10
+            assert not answers.is_set()
+            answers.set()
+            while await status(secret) != 200:
+                await anyio.lowlevel.checkpoint()
+            group.cancel_scope.cancel()
+
+    try:
+        with capture_logs() as shown:
+            anyio.run(main)
+    finally:
+        answers.set()
+    reasons = [entry["reason"] for entry in shown if entry["event"] == "no token of the file is taken"]
+    assert reasons == ["the disk has not answered for 1 s"]
 
 
 def test_while_the_file_is_wrong_none_of_its_tokens_is_taken_and_the_farms_own_is(tmp_path):
@@ -288,7 +349,7 @@ def test_a_change_through_a_link_changes_the_file_and_leaves_its_owner(tmp_path)
     add_token(link, "ci", Role.READ, None)
     remove_tokens(link, ["leaver"])
     assert link.is_symlink()
-    assert [holder.name for holder in TokenFile(file).holders()] == ["ci"]
+    assert [holder.name for holder in TokenFile(file).holders] == ["ci"]
     after = file.stat()
     assert (after.st_uid, after.st_gid, after.st_mode) == (before.st_uid, before.st_gid, before.st_mode)
 

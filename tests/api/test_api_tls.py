@@ -7,6 +7,7 @@ import errno
 import os
 import socket
 import ssl
+import threading
 import time
 import tracemalloc
 from contextlib import asynccontextmanager
@@ -22,7 +23,7 @@ from api_world import ApiWorld
 from events import Something
 
 from pnfarm.api import serve
-from pnfarm.api.access import authority, connections, tls
+from pnfarm.api.access import authority, connections, followed, tls
 from pnfarm.api.access.authority import make_certificate
 from pnfarm.api.access.guard import COOKIE
 from pnfarm.api.access.tls import ServerTls
@@ -235,14 +236,47 @@ def test_a_renewed_certificate_that_could_not_be_read_for_a_moment_serves_later(
 
     first = make_certificate(tmp_path, [], 30)
     found = ServerTls(first.certificate, first.key)
-    old, ends = found.context(), found.ends
+    old, ends = anyio.run(found.context), found.ends
     make_certificate(tmp_path, [], 60)
-    with monkeypatch.context() as patch:
-        patch.setattr(tls, "read_regular", refuses)
-        assert [found.context() for _ in range(3)] == [old] * 3
-    assert found.context() is not old
+    monkeypatch.setattr(followed, "AGAIN_SECONDS", 0.0)
+
+    async def main():
+        with monkeypatch.context() as patch:
+            patch.setattr(tls, "read_regular", refuses)
+            assert [await found.context() for _ in range(3)] == [old] * 3
+        assert await found.context() is not old
+
+    anyio.run(main)
     assert found.ends > ends
     assert capsys.readouterr().out.count("certificate not renewed") == 1
+
+
+def test_a_disk_that_does_not_answer_leaves_the_certificate_as_it_was(tmp_path, monkeypatch, capsys):
+    first = make_certificate(tmp_path, [], 30)
+    found = ServerTls(first.certificate, first.key)
+    old = anyio.run(found.context)
+    make_certificate(tmp_path, [], 60)
+    answers = threading.Event()
+    read = tls.read_regular
+
+    def waits(path, most):
+        answers.wait()
+        return read(path, most)
+
+    monkeypatch.setattr(tls, "read_regular", waits)
+    monkeypatch.setattr(followed, "WAIT_SECONDS", 0.1)
+
+    async def main():
+        assert [await found.context() for _ in range(3)] == [old] * 3
+        answers.set()
+        while await found.context() is old:
+            await anyio.lowlevel.checkpoint()
+
+    try:
+        anyio.run(main)
+    finally:
+        answers.set()
+    assert capsys.readouterr().out.count("the disk has not answered for 0.1 s") == 1
 
 
 def test_files_that_cannot_serve_are_refused_with_a_sentence(made, tmp_path, monkeypatch):

@@ -31,12 +31,14 @@ class Served:
 
     def request(self, method: str, path: str, *, base: str = BASE, **options: Any) -> httpx.Response:
         async def ask() -> httpx.Response:
-            # what a handler raises is the client's to see as a problem, not the test's as an exception
-            transport = httpx.ASGITransport(self.app, raise_app_exceptions=False)
-            async with httpx.AsyncClient(transport=transport, base_url=base) as client:
+            async with self.client(base) as client:
                 return await client.request(method, path, **options)
 
         return asyncio.run(ask())
+
+    def client(self, base: str = BASE) -> httpx.AsyncClient:
+        # what a handler raises is the client's to see as a problem, not the test's as an exception
+        return httpx.AsyncClient(transport=httpx.ASGITransport(self.app, raise_app_exceptions=False), base_url=base)
 
     def get(self, path: str, **options: Any) -> httpx.Response:
         return self.request("GET", path, **options)

@@ -25,19 +25,16 @@ it found the file.  What cannot be written is not done.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import errno
 import fcntl
 import hashlib
 import json
 import os
 import stat
-import threading
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from functools import partial
 from http import HTTPStatus
-from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import anyio
@@ -49,6 +46,7 @@ from pnfarm.api.problems import problem
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.version import __version__
 from pnfarm.web.bodies import MAX_BODY, read_octets
+from pnfarm.web.disk import disk_call, silent_disk
 from pnfarm.web.errors import ClientGoneError, TooLargeError
 
 if TYPE_CHECKING:
@@ -99,7 +97,6 @@ class AuditLog:
         self._owed: list[dict[str, Any]] = []
         #: Held while a thread writes, also when nobody waits for it any more.
         self._lock = asyncio.Lock()
-        self._writer = _Writer()
         #: Part of a line is behind the last record.
         self._half = False
         was_there = path.exists()
@@ -134,7 +131,6 @@ class AuditLog:
             self._append({"record": "begin", "pnfarm": __version__, "name": name, "found": self.found, "noted": before})
         except OSError as exc:
             raise EnvironmentError_(f"the audit log {self.path} cannot be written: {_why(exc)}") from exc
-        self._writer.start()
         told = logger.warning if self.found in {"shortened", "changed", "missing", "unnoted"} else logger.info
         told("audit log begun", file=str(self.path), found=self.found, sequence=self._sequence, digest=self._digest)
 
@@ -158,7 +154,6 @@ class AuditLog:
             if one is not None and one >= 0:
                 os.close(one)
         self._file, self._note = -1, None
-        self._writer.end()
 
     # -- records
 
@@ -193,15 +188,15 @@ class AuditLog:
                 await self._lock.acquire()
         except TimeoutError as exc:
             self._owe(record)
-            raise _silent() from exc
-        writing = self._writer.call(partial(self._append_all, record))
+            raise silent_disk(WAIT_SECONDS) from exc
+        writing = disk_call(partial(self._append_all, record), "pnfarm-audit")
         writing.add_done_callback(partial(self._written, record))
         done, _ = await asyncio.wait([writing], timeout=until - anyio.current_time())
         if done:
             return writing.result()
         if late is not None:
             writing.add_done_callback(late)
-        raise _silent()
+        raise silent_disk(WAIT_SECONDS)
 
     def _written(self, record: dict[str, Any], writing: asyncio.Future[int]) -> None:
         self._lock.release()
@@ -348,42 +343,6 @@ class AuditLog:
             os.pwrite(self._note, text.encode().ljust(NOTE_OCTETS - 1) + b"\n", 0)
         except OSError as exc:
             logger.warning("end of the audit log not noted", file=str(self._note_path), reason=_why(exc))
-
-
-class _Writer:
-    """A thread that makes calls one after the other, and for which the end of the program does not wait."""
-
-    def __init__(self) -> None:
-        self._calls: SimpleQueue[tuple[Callable[[], int], asyncio.Future[int]] | None] = SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="pnfarm-audit", daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def end(self) -> None:
-        """After the calls before."""
-        self._calls.put(None)
-
-    def call(self, work: Callable[[], int]) -> asyncio.Future[int]:
-        """Its result, in the event loop."""
-        found: asyncio.Future[int] = asyncio.get_running_loop().create_future()
-        self._calls.put((work, found))
-        return found
-
-    def _run(self) -> None:
-        while (call := self._calls.get()) is not None:
-            work, found = call
-            try:
-                told = partial(found.set_result, work())
-            except BaseException as exc:  # noqa: BLE001 - whatever it is, it is raised where the call is awaited
-                told = partial(found.set_exception, exc)
-            # the loop may have ended
-            with contextlib.suppress(RuntimeError):
-                found.get_loop().call_soon_threadsafe(told)
-
-
-def _silent() -> OSError:
-    return OSError(errno.ETIMEDOUT, f"the disk has not answered for {WAIT_SECONDS:g} s")
 
 
 def _why(exc: OSError) -> str:

@@ -100,6 +100,7 @@ class Guard:
             await self._app(scope, receive, send)
             return
         request = Request(scope, receive)
+        await self._keys.follow()
         holder = self._holder(request)
         if not self._may_wait(request, holder):
             await self._answer(request, holder, send)
@@ -201,9 +202,11 @@ class Guard:
         """Ends a stream when its client's token ends: it was let in for a request, not for ever."""
 
         async def send_while_good(message: Message) -> None:
-            if message["type"] == "http.response.body" and message.get("more_body") and not self._keys.is_good(holder):
-                await send({"type": "http.response.body", "body": b""})
-                raise _TokenEndedError
+            if message["type"] == "http.response.body" and message.get("more_body"):
+                await self._keys.follow()
+                if not self._keys.is_good(holder):
+                    await send({"type": "http.response.body", "body": b""})
+                    raise _TokenEndedError
             await send(message)
 
         return send_while_good

@@ -40,6 +40,11 @@ class Keys:
         """Whether a client must show one."""
         return bool(self._own) or self._file is not None
 
+    async def follow(self) -> None:
+        """Look whether the file has changed."""
+        if self._file is not None:
+            await self._file.follow()
+
     def holder(self, secret: str) -> Holder | None:
         """Whose secret it is, also one that has expired; all are compared, so that the time gives nothing away."""
         digest = digest_of(secret)
@@ -54,4 +59,4 @@ class Keys:
         return holder in self._all() and (holder.ends is None or self._wall() < holder.ends)
 
     def _all(self) -> list[Holder]:
-        return self._own if self._file is None else [*self._own, *self._file.holders()]
+        return self._own if self._file is None else [*self._own, *self._file.holders]

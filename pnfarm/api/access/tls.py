@@ -11,10 +11,11 @@ import asyncio
 import ssl
 import time
 from asyncio import sslproto
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import structlog
 
+from pnfarm.api.access.followed import Followed
 from pnfarm.errors import ConfigError
 from pnfarm.vocabulary.regular_file import read_regular
 
@@ -44,8 +45,13 @@ SOON_SECONDS = 14 * 86_400
 
 logger = structlog.get_logger("pnfarm.api")
 
-#: What shows that a file has changed.
-_Stamp = tuple[int, int, int]
+
+class _Loaded(NamedTuple):
+    """``names`` are those that the certificate is for, ``ends`` is when it expires, in seconds since 1970."""
+
+    context: ssl.SSLContext
+    names: tuple[str, ...]
+    ends: float
 
 
 class ServerTls:
@@ -58,43 +64,33 @@ class ServerTls:
         self._files = (certificate, key or certificate)
         # of the class: start_tls takes no argument for it
         sslproto.SSLProtocol.max_size = READ_BUFFER
-        self._stamp = self._look()
-        #: Why they could not be read; then they are tried with each connection: the machine may have had no file left.
-        self._unread = ""
-        self.names: tuple[str, ...] = ()
-        self.ends = 0.0
-        self._context = self._load()
+        self._followed = Followed(self._files, self._load, self._renewed, self._failed)
+        self._loaded = self._followed.first
         if (left := self.ends - time.time()) < SOON_SECONDS:
             logger.warning("certificate expires soon", file=str(certificate), days=int(left // 86_400))
 
-    def context(self) -> ssl.SSLContext:
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self._loaded.names
+
+    @property
+    def ends(self) -> float:
+        return self._loaded.ends
+
+    async def context(self) -> ssl.SSLContext:
         """Of the files as they are now; while these cannot serve, of what was read before."""
-        stamp = self._look()
-        if stamp != self._stamp or self._unread:
-            self._stamp = stamp
-            before, self._unread = self._unread, ""
-            try:
-                self._context = self._load()
-            except ConfigError as exc:
-                why = exc.__cause__
-                self._unread = str(exc) if isinstance(why, OSError) and not isinstance(why, ssl.SSLError) else ""
-                if before != str(exc):
-                    logger.warning("certificate not renewed", reason=str(exc))
-            else:
-                logger.info("certificate renewed", file=str(self._files[0]), names=list(self.names))
-        return self._context
+        await self._followed.follow()
+        return self._loaded.context
 
-    def _look(self) -> tuple[_Stamp | None, ...]:
-        found: list[_Stamp | None] = []
-        for path in self._files:
-            try:
-                now = path.stat()
-                found.append((now.st_mtime_ns, now.st_size, now.st_ino))
-            except OSError:
-                found.append(None)
-        return tuple(found)
+    def _renewed(self, loaded: _Loaded) -> None:
+        self._loaded = loaded
+        logger.info("certificate renewed", file=str(self._files[0]), names=list(loaded.names))
 
-    def _load(self) -> ssl.SSLContext:
+    @staticmethod
+    def _failed(reason: str) -> None:
+        logger.warning("certificate not renewed", reason=reason)
+
+    def _load(self) -> _Loaded:
         certificate, key = self._files
         self._check(certificate, "certificate", b"-----BEGIN CERTIFICATE-----")
         self._check(key, "key", b"PRIVATE KEY-----")
@@ -112,8 +108,7 @@ class ServerTls:
             raise ConfigError(f"{certificate} and {key} are no certificate and its key in PEM: {exc.reason}") from exc
         except OSError as exc:
             raise ConfigError(f"{certificate} and {key} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
-        self.names, self.ends = _tried(context, certificate)
-        return context
+        return _Loaded(context, *_tried(context, certificate))
 
     @staticmethod
     def _check(path: Path, what: str, mark: bytes) -> None:
@@ -220,7 +215,7 @@ class TlsDoor(asyncio.Protocol):
                 tls = await asyncio.get_running_loop().start_tls(
                     self.transport,
                     self,
-                    self.tls.context(),
+                    await self.tls.context(),
                     server_side=True,
                     ssl_handshake_timeout=HANDSHAKE_SECONDS,
                     ssl_shutdown_timeout=SHUTDOWN_SECONDS,

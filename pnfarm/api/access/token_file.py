@@ -19,10 +19,12 @@ import secrets
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from typing import TYPE_CHECKING
 
 import structlog
 
+from pnfarm.api.access.followed import Followed
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.vocabulary.quoting import shown
 from pnfarm.vocabulary.regular_file import read_regular
@@ -222,7 +224,7 @@ def _write(path: Path, text: str) -> None:
 
 
 class TokenFile:
-    """The tokens of a file as it is now.
+    """The tokens of a file as it was at the last :meth:`follow`.
 
     While it cannot be read or has a wrong line, none of its tokens is taken, so that a line that somebody took out is
     not in force by mistake.  Raises :class:`ConfigError` for one that is wrong from the start.
@@ -230,30 +232,17 @@ class TokenFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._stamp = self._look()
-        self._holders = read_tokens(path)
-        #: Why it could not be read; then it is tried with each request: the machine may have had no file left.
-        self._unread = ""
+        self._file = Followed([path], partial(read_tokens, path), self._renewed, self._failed)
+        self.holders = self._file.first
 
-    def holders(self) -> list[Holder]:
-        stamp = self._look()
-        if stamp != self._stamp or self._unread:
-            self._stamp = stamp
-            before, self._unread = self._unread, ""
-            try:
-                self._holders = read_tokens(self.path)
-            except ConfigError as exc:
-                self._holders = []
-                self._unread = str(exc) if isinstance(exc.__cause__, OSError) else ""
-                if before != str(exc):
-                    logger.warning("no token of the file is taken", reason=str(exc))
-            else:
-                logger.info("tokens read again", file=str(self.path), tokens=len(self._holders))
-        return self._holders
+    async def follow(self) -> None:
+        """Look whether the file has changed."""
+        await self._file.follow()
 
-    def _look(self) -> tuple[int, int, int] | None:
-        try:
-            found = self.path.stat()
-        except OSError:
-            return None
-        return found.st_mtime_ns, found.st_size, found.st_ino
+    def _renewed(self, holders: list[Holder]) -> None:
+        self.holders = holders
+        logger.info("tokens read again", file=str(self.path), tokens=len(holders))
+
+    def _failed(self, reason: str) -> None:
+        self.holders = []
+        logger.warning("no token of the file is taken", reason=reason)
