@@ -416,6 +416,43 @@ def test_the_check_prints_what_to_note_and_finds_it_again(whole, capsys):
     assert main(["audit", "check", f"{whole}.none"]) == 2
 
 
+@pytest.mark.parametrize("ends", ["orderly", "killed", "within a line"])
+def test_a_file_that_was_moved_away_and_the_one_behind_it_are_whole_together(run, tmp_path, ends, capsys):
+    run.note_one()
+    if ends == "orderly":
+        run.end()
+    else:
+        run.kill()
+    if ends == "within a line":
+        with run.file.open("ab") as file:
+            file.write(b'{"sequence":4,"time":"2026')
+    moved = run.file.rename(tmp_path / "november.jsonl")
+    again = Run(tmp_path)
+    again.note_one()
+    again.end()
+    assert main(["audit", "check", str(moved), str(run.file)]) == 0
+    assert "whole" in capsys.readouterr().out
+    # alone, the new one does not say what was before it
+    assert main(["audit", "check", str(run.file)]) == 1
+    assert "if it was moved away, name it before this one" in capsys.readouterr().out
+    lines_changed(moved, lambda lines: lines.__setitem__(1, lines[1].replace(b'"previous"', b' "previous"')))
+    assert main(["audit", "check", str(moved), str(run.file)]) == 1
+    assert f"{moved}: line 3: it does not follow" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("missing", [1, 2, 3])
+def test_a_file_that_was_shortened_and_moved_away_is_found_by_the_one_behind_it(run, tmp_path, missing):
+    run.note_one()
+    run.end()
+    moved = run.file.rename(tmp_path / "november.jsonl")
+    again = Run(tmp_path)
+    again.end()
+    assert check_audit(moved, run.file).wrong == []
+    lines_changed(moved, lambda lines: lines.__delitem__(slice(-missing, None)))
+    assert check_audit(moved).wrong == []
+    assert check_audit(moved, run.file).wrong
+
+
 def lines_changed(whole, change):
     lines = whole.read_bytes().splitlines(keepends=True)
     change(lines)

@@ -37,37 +37,101 @@ class Findings:
     notes: list[str] = field(default_factory=list)
     more: int = 0
 
-    def add(self, to: list[str], line: int, what: str) -> None:
+    def add(self, to: list[str], place: str, what: str) -> None:
         if len(to) < MOST_FINDINGS:
-            to.append(f"line {line}: {what}")
+            to.append(f"{place}: {what}")
         else:
             self.more += 1
 
 
-def check_audit(path: Path, noted: str | None = None) -> Findings:
-    """Read the file from its begin.  Raises :class:`ConfigError` for one that cannot be read."""
-    found = Findings()
-    torn = b""
-    open_requests: dict[int, int] = {}
-    try:
-        with path.open("rb") as file:
-            for number, line in _lines(file):
-                record = _record(line)
-                if torn:
-                    # a run that begins behind half a line says so
-                    is_known = record is not None and record.get("found") == "torn"
-                    found.add(found.notes if is_known else found.wrong, number - 1, "it is not a record")
-                torn = b""
-                if record is None:
-                    torn = line
-                else:
-                    _follow(found, number, record, open_requests)
-                found.digest = digest_of_line(line)
-                found.is_noted |= noted is not None and found.digest == noted.lower()
-            if torn:
-                found.add(found.wrong, number, "it is not a record")
-    except OSError as exc:
-        raise ConfigError(f"the audit log {path} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
+class _Reading:
+    """What is known behind each line."""
+
+    def __init__(self) -> None:
+        self.found = Findings()
+        #: Requests without an answer so far, and their places.
+        self.open: dict[int, str] = {}
+        #: Place of the line before, if it is no record.
+        self.torn = ""
+        #: The last record of which a run notes number and digest.
+        self.noted: dict[str, Any] = {}
+
+    def line(self, place: str, line: bytes, *, begins: bool) -> None:
+        """``begins``: it is the first one of a file behind another one."""
+        record = _record(line)
+        how = None if record is None else record.get("found")
+        is_moved = begins and how == "missing" and record is not None and record.get("noted") == self.noted
+        if self.torn:
+            # a run that begins behind half a line says so
+            self.found.add(
+                self.found.notes if is_moved or how == "torn" else self.found.wrong, self.torn, "it is not a record"
+            )
+        self.torn = "" if record is not None else place
+        if is_moved:
+            self.found.sequence, self.found.digest = self.noted["sequence"], FIRST
+        if record is not None:
+            self._follow(place, record, is_moved=is_moved)
+        self.found.digest = digest_of_line(line)
+        if record is not None and record["record"] != "answer":
+            self.noted = {"sequence": record["sequence"], "digest": self.found.digest}
+
+    def _follow(self, place: str, record: dict[str, Any], *, is_moved: bool) -> None:
+        """A record against those before it."""
+        found = self.found
+        if record["previous"] != found.digest:
+            what = "it does not follow from the line before: one was changed, added or taken out"
+            found.add(found.wrong, place, what)
+        if record["sequence"] != found.sequence + 1:
+            found.add(found.wrong, place, f"it has number {record['sequence']} behind {found.sequence}")
+        if record["time"] < found.last_time:
+            found.add(found.notes, place, f"its time is before that of the line before, {found.last_time}")
+        match record["record"]:
+            case "begin":
+                self._begin(place, record, is_moved=is_moved)
+            case "request":
+                found.requests += 1
+                self.open[record["sequence"]] = place
+            case "answer":
+                self.open.pop(record.get("of", 0), None)
+        found.records += 1
+        found.first_time = found.first_time or record["time"]
+        found.sequence, found.last_time = record["sequence"], record["time"]
+
+    def _begin(self, place: str, record: dict[str, Any], *, is_moved: bool) -> None:
+        found, how = self.found, record.get("found")
+        if how in {"shortened", "changed", "missing"} and not is_moved:
+            noted = record.get("noted") or {}
+            what = f"the run that begins here found the file {how}"
+            what += f": it had ended with {noted.get('sequence')} {noted.get('digest')}"
+            if how == "missing":
+                what += "; if it was moved away, name it before this one"
+            found.add(found.wrong, place, what)
+        if how == "unnoted":
+            found.add(
+                found.notes, place, "the run that begins here found no note of the file's end in the state folder"
+            )
+        for asked in self.open.values():
+            found.add(found.notes, asked, "the run ended before it answered this request")
+        self.open.clear()
+
+
+def check_audit(*paths: Path, noted: str | None = None) -> Findings:
+    """Read one file from its begin, or those that were moved away and then the last one.
+
+    Raises :class:`ConfigError` for one that cannot be read.
+    """
+    reading = _Reading()
+    found = reading.found
+    for path in paths:
+        try:
+            with path.open("rb") as file:
+                for number, line in _lines(file):
+                    reading.line(f"{path}: line {number}", line, begins=number == 1 and path is not paths[0])
+                    found.is_noted |= noted is not None and found.digest == noted.lower()
+        except OSError as exc:
+            raise ConfigError(f"the audit log {path} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
+    if reading.torn:
+        found.add(found.wrong, reading.torn, "it is not a record")
     return found
 
 
@@ -92,36 +156,3 @@ def _record(line: bytes) -> dict[str, Any] | None:
         and isinstance(found.get("noted") or {}, dict)
     )
     return found if is_record else None
-
-
-def _follow(found: Findings, number: int, record: dict[str, Any], open_requests: dict[int, int]) -> None:
-    """A record against those before it."""
-    if record["previous"] != found.digest:
-        found.add(found.wrong, number, "it does not follow from the line before: one was changed, added or taken out")
-    if record["sequence"] != found.sequence + 1:
-        found.add(found.wrong, number, f"it has number {record['sequence']} behind {found.sequence}")
-    if record["time"] < found.last_time:
-        found.add(found.notes, number, f"its time is before that of the line before, {found.last_time}")
-    match record["record"]:
-        case "begin":
-            _begin(found, number, record, open_requests)
-        case "request":
-            found.requests += 1
-            open_requests[record["sequence"]] = number
-        case "answer":
-            open_requests.pop(record.get("of", 0), None)
-    found.records += 1
-    found.first_time = found.first_time or record["time"]
-    found.sequence, found.last_time = record["sequence"], record["time"]
-
-
-def _begin(found: Findings, number: int, record: dict[str, Any], open_requests: dict[int, int]) -> None:
-    if record.get("found") in {"shortened", "changed", "missing"}:
-        noted = record.get("noted") or {}
-        what = f"the run that begins here found the file {record['found']}"
-        found.add(found.wrong, number, f"{what}: it had ended with {noted.get('sequence')} {noted.get('digest')}")
-    if record.get("found") == "unnoted":
-        found.add(found.notes, number, "the run that begins here found no note of the file's end in the state folder")
-    for line in open_requests.values():
-        found.add(found.notes, line, "the run ended before it answered this request")
-    open_requests.clear()

@@ -19,7 +19,14 @@ app.callback(invoke_without_command=True)(help_without_command)
 
 @app.command("check")
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The audit log.", show_default=False)],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="The audit log; before it, oldest first, those that were moved away.",
+            show_default=False,
+        ),
+    ],
     noted: Annotated[
         str | None,
         typer.Option(metavar="DIGEST", help="Digest that was noted elsewhere: its line must still be there."),
@@ -32,7 +39,7 @@ def check(
     """
     from pnfarm.api.access.audit_check import check_audit
 
-    found = check_audit(file, noted)
+    found = check_audit(*files, noted=noted)
     wrong = list(found.wrong)
     if noted is not None and not found.is_noted:
         wrong.append(f"no line has the digest {noted}: the file was shortened or written anew")
@@ -40,11 +47,12 @@ def check(
         print_json({**dataclasses.asdict(found), "wrong": wrong, "ok": not wrong})
         return 1 if wrong else 0
     for one in (*wrong, *(f"note: {note}" for note in found.notes)):
-        print_line(f"{file}: {one}")
+        print_line(one)
+    last = files[-1]
     if found.more:
-        print_line(f"{file}: and {found.more} more")
+        print_line(f"{last}: and {found.more} more")
     span = f", from {found.first_time} to {found.last_time}" if found.records else ""
     verdict = "NOT WHOLE" if wrong else "whole"
-    print_line(f"{file}: {verdict}, {found.records} records, {found.requests} requests{span}")
+    print_line(f"{last}: {verdict}, {found.records} records, {found.requests} requests{span}")
     print_line(f"last: {found.sequence} {found.digest}")
     return 1 if wrong else 0
