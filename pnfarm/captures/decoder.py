@@ -170,10 +170,13 @@ class Decoder:
         lines = []
         try:
             for description in descriptions:
+                source, destination = description.ends or (packet.source, packet.destination)
                 if description.counts:
-                    talk.count(description.counts)
+                    self._conversations.between(source, destination).count(description.counts)
+                if not description.what:
+                    continue
                 named = description.family or family
-                lines.append(Line(frame.number, frame.time_ns, packet.source, packet.destination, named, description))
+                lines.append(Line(frame.number, frame.time_ns, source, destination, named, description))
         except DecodeError as exc:
             if frame.cut:
                 description = Description("cut off", f"{frame.cut} octets of the frame are not in the capture")

@@ -38,8 +38,9 @@ class Packet:
 class Description:
     """One line of description.
 
-    ``what`` a few words that stay the same (``Connect.req``); ``text`` the rest; ``counts`` what the summary adds
-    up: counter -> reason ("" for none).  ``family``: set if only the content shows the family.
+    ``what`` a few words that stay the same (``Connect.req``), empty for what only counts; ``text`` the rest; ``counts``
+    what the summary adds up: counter -> reason ("" for none).  ``family``: set if only the content shows the family.
+    ``ends``: source and destination, set if they are not those of the frame with which it became known.
     """
 
     what: str
@@ -47,6 +48,7 @@ class Description:
     details: Mapping[str, Any] = field(default_factory=dict)
     counts: Mapping[str, str] = field(default_factory=dict)
     family: str = ""
+    ends: tuple[bytes, bytes] | None = None
 
 
 class Capture:

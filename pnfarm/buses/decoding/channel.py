@@ -38,6 +38,8 @@ def limited(
         text += f"; further ones{place} are not shown"
     if number <= MOST_LINES:
         yield Description(what, text, details, counts, family)
+    elif counts:
+        yield Description("", counts=counts)
 
 
 @dataclass(slots=True, eq=False, kw_only=True)

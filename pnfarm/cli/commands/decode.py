@@ -238,7 +238,7 @@ _COUNTERS = (
     ("connects", "connects"), ("refused", "refused"), ("releases", "releases"), ("aborts", "aborts"),
     ("watchdogs", "watchdogs expired"), ("alarms", "alarms"), ("writes", "writes"), ("reads", "reads"),
     ("record errors", "records refused"), ("faults", "RPC faults"), ("repeated", "calls repeated"),
-    ("errors", "requests refused"), ("malformed", "malformed"),
+    ("errors", "requests refused"), ("unanswered", "without an answer"), ("malformed", "malformed"),
 )  # fmt: skip
 
 
@@ -261,6 +261,6 @@ def _paragraph(talk: dict[str, Any]) -> Iterable[str]:
     counted = [f"{talk['counts'][key]} {words}" for key, words in _COUNTERS if talk["counts"].get(key)]
     if counted:
         yield f"  {', '.join(counted)}"
-    for key in ("refused", "aborts", "record errors", "faults", "errors", "malformed"):
+    for key in ("refused", "aborts", "record errors", "faults", "errors", "unanswered", "malformed"):
         for reason, count in talk["reasons"].get(key, {}).items():
             yield f"    {key}: {f'{count} x ' if count > 1 else ''}{reason}"

@@ -139,6 +139,17 @@ def test_octets_that_the_capture_lacks_cost_only_their_own_messages():
     assert len(behind(found, "enip: octets missing")) == 1
 
 
+def test_a_message_found_behind_a_gap_is_from_who_sent_it():
+    """It is found with a frame of the other side."""
+    tape = Tape()
+    lost = tape.segment(1, reads(tape, range(3, 4)))
+    tape.segment(1, reads(tape, range(1, 2)))
+    tape.segment(0)
+    _, lines = tape.decoded([frame for frame in tape.frames if frame is not lost])
+    (found,) = [line for line in lines if line.family == "cip"]
+    assert (found.source, found.destination) == (MACS[1], MACS[0])
+
+
 def test_a_gap_that_nobody_acknowledges_is_given_up_as_well():
     tape = Tape()
     lost = tape.segment(0, reads(tape, range(3, 4)))

@@ -182,6 +182,25 @@ def test_what_goes_wrong_on_a_line_is_told(tmp_path, capsys):
     ]
 
 
+def test_a_missing_answer_is_of_the_slave_that_did_not_answer_and_each_counts(tmp_path, capsys):
+    """The next telegram, which shows it, is for another slave."""
+    telegrams = []
+    for number in range(60):
+        fcb = bool(number % 2)
+        telegrams += [poll(fcb, address=5), poll(fcb, address=6), Telegram(1, 6, 0x08, data=b"\x37\x00\x00\x00")]
+    capture = written(tmp_path, *telegrams)
+    told = [text for text in decoded(capsys, capture) if "no answer" in text]
+    assert {text.partition(" no answer")[0] for text in told} == {"station 1 -> station 5"}
+    assert len(told) == 50
+    assert decoded(capsys, capture, "--drive", "station 5")[1:] == told
+    assert main(["decode", str(capture), "--summary", "--format", "json"]) == 0
+    counts = {tuple(talk["between"]): talk["counts"] for talk in json.loads(capsys.readouterr().out)["conversations"]}
+    assert counts == {("station 1", "station 5"): {"unanswered": 60}, ("station 1", "station 6"): {}}
+    told = decoded(capsys, capture, "--summary")
+    assert any(text.endswith("60 without an answer") for text in told)
+    assert any(text.endswith("unanswered: 60 x Data_Exchange") for text in told)
+
+
 def test_set_slave_add_initiate_and_refusals_are_told(tmp_path, capsys):
     srd = 0x6D
     capture = written(

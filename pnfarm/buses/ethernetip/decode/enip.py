@@ -88,7 +88,8 @@ def _segment(packet: Packet, ip: Ipv4Packet, segment: TcpSegment, shared: Shared
         yield Description("TCP connection", f"{kind}, port {ports[0]} -> {ports[1]}", family="enip")
     repeated = streams.repeated
     for octets, missing in streams.acknowledged(route.source, route.destination, segment):
-        yield from _message(octets, back, shared, missing=missing)
+        for one in _message(octets, back, shared, missing=missing):
+            yield replace(one, ends=(back.source_mac, back.destination_mac))
     for octets, missing in streams.take(route.source, route.destination, segment):
         yield from _message(octets, route, shared, missing=missing)
     if streams.repeated > repeated:

@@ -5,7 +5,7 @@ An answer names neither its service nor, where it is short, its station: what wa
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -263,7 +263,10 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
             return
         text = f"of {asked.telegram.destination} to {asked.service}.req, {(now - asked.at_ns) / 1e6:.3g} ms"
         counts, family = {"unanswered": asked.service}, _family_of(asked.service)
-        yield from limited(slave.told, "no answer", text, counts=counts, family=family)
+        # the telegram that shows it may be for another slave
+        ends = _station(asked.telegram.source), _station(asked.telegram.destination)
+        for one in limited(slave.told, "no answer", text, counts=counts, family=family):
+            yield replace(one, ends=ends)
 
     def _command(self, telegram: Telegram, service: str) -> Iterator[Description]:
         """A request that gets no answer, or one of a function that slaves lack."""
