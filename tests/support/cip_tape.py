@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pnfarm.captures.decoder import Decoder, Line
 
 __all__ = [
-    "ACK", "FIN", "IDS", "MACS", "MANAGER", "RST", "Tape", "command", "connect", "described", "everything",
+    "ACK", "FIN", "IDS", "MACS", "MANAGER", "RST", "SYN", "Tape", "command", "connect", "described", "everything",
     "forward_open", "known",
 ]  # fmt: skip
 

@@ -15,6 +15,7 @@ from cip_tape import (
     MACS,
     MANAGER,
     RST,
+    SYN,
     Tape,
     command,
     connect,
@@ -43,6 +44,7 @@ from tests.fuzz.mutate import mutated
 
 GROUP = IPv4Address("239.192.1.96")
 GET, SET = Service.GET_ATTRIBUTE_SINGLE, Service.SET_ATTRIBUTE_SINGLE
+ANSWER = "cip: Get_Attribute_Single.res"
 
 
 def behind(lines: list[str], beginning: str) -> list[str]:
@@ -265,6 +267,45 @@ def test_a_reply_without_its_request_says_so():
     tape = Tape()
     tape.answer(GET, b"\1\0")
     assert tape.lines()[-1] == "cip: Get_Attribute_Single.res OK, its request is not in the capture: 01 00"
+
+
+def asked_and_answered(tape: Tape, number: int) -> None:
+    """An attribute of Identity, in the context of all others."""
+    tape.ask(request(GET, logical_path(1, 1, number)))
+    tape.answer(GET, number.to_bytes(2, "little"))
+
+
+ANSWERED = [f"OK, Identity 0x01/1, attribute {n}" for n in (2, 3)]
+
+
+def test_an_answer_is_not_taken_for_that_of_a_request_which_got_none():
+    tape = Tape()
+    tape.ask(request(GET, logical_path(1, 1, 1)))
+    tape.now += 5 * 10**9
+    for number in (2, 3):
+        asked_and_answered(tape, number)
+    assert [text[:32] for text in behind(tape.lines(), ANSWER)] == ANSWERED
+
+
+def test_an_answer_is_not_taken_for_that_of_one_which_the_capture_lacks():
+    tape = Tape()
+    tape.ask(request(GET, logical_path(1, 1, 1)))
+    tape.answer(GET, b"\1\0")
+    lost = tape.frames[-1]
+    for number in (2, 3):
+        asked_and_answered(tape, number)
+    found = tape.lines([frame for frame in tape.frames if frame is not lost])
+    assert [text[:32] for text in behind(found, ANSWER)] == ANSWERED
+
+
+def test_ports_that_are_used_again_have_no_request_of_before():
+    tape = Tape()
+    tape.ask(request(GET, logical_path(1, 1, 1)))
+    tape.segment(0, flags=RST)
+    tape.segment(0, flags=SYN)
+    tape.segment(1, flags=SYN | ACK)
+    asked_and_answered(tape, 2)
+    assert [text[:32] for text in behind(tape.lines(), ANSWER)] == ANSWERED[:1]
 
 
 def test_a_message_on_a_class_3_connection_is_paired_by_its_count():

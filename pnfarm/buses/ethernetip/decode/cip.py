@@ -74,12 +74,12 @@ def _request(request: MessageRequest, key: AskedKey, route: Route, shared: Share
     if request.service == Service.UNCONNECTED_SEND and _of_manager(place):
         sent = UnconnectedSend.parse(request.data)
         inner = parse_request(sent.message)
-        shared.ask(key, _asked(inner, routed=True))
+        shared.ask(key, _asked(inner, route.time_ns, routed=True))
         text = f"by {path_text(sent.route)}" if sent.route else "to this device itself"
         yield Description("Unconnected_Send.req", text, {"route": sent.route.hex()}, family="cip")
         yield from _described(inner, route, shared)
         return
-    shared.ask(key, _asked(request))
+    shared.ask(key, _asked(request, route.time_ns))
     yield from _described(request, route, shared)
 
 
@@ -87,11 +87,11 @@ def _of_manager(place: Place | None) -> bool:
     return place is not None and place.class_id == CONNECTION_MANAGER
 
 
-def _asked(request: MessageRequest, *, routed: bool = False) -> Asked:
+def _asked(request: MessageRequest, now: int, *, routed: bool = False) -> Asked:
     several: tuple[MessageRequest | None, ...] = ()
     if request.service == Service.MULTIPLE_SERVICE_PACKET:
         several = tuple(_parsed(octets) for octets in _parts(request.data))
-    return Asked(request, several, routed)
+    return Asked(request, now, several, routed)
 
 
 def _parts(data: bytes) -> tuple[bytes, ...]:
@@ -186,7 +186,7 @@ def _reply(
             yield open_answered(what, request, reply, route, items, shared)
             return
         if reply.service == Service.FORWARD_CLOSE:
-            yield close_answered(what, reply, route, shared)
+            yield close_answered(what, reply)
             return
     model = shared.stations.model(route.device_mac)
     if reply.service == Service.MULTIPLE_SERVICE_PACKET and not inside and reply.data:

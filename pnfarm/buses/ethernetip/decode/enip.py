@@ -75,15 +75,20 @@ def encapsulated(packet: Packet, shared: Shared) -> Iterator[Description]:
 
 def _route(packet: Packet, ip: Ipv4Packet, ports: tuple[int, int], *, asks: bool = True) -> Route:
     to_device = ports[1] == ENIP_PORT and (ports[0] != ENIP_PORT or asks)
-    return Route((ip.source, ports[0]), (ip.destination, ports[1]), packet.source, packet.destination, to_device)
+    ends = (ip.source, ports[0]), (ip.destination, ports[1])
+    return Route(*ends, packet.source, packet.destination, to_device, packet.time_ns)
 
 
 def _segment(packet: Packet, ip: Ipv4Packet, segment: TcpSegment, shared: Shared) -> Iterator[Description]:
     ports = (segment.source_port, segment.destination_port)
     route = _route(packet, ip, ports)
-    back = Route(route.destination, route.source, packet.destination, packet.source, not route.to_device)
+    back = Route(
+        route.destination, route.source, packet.destination, packet.source, not route.to_device, packet.time_ns
+    )
     streams = shared.streams
     if segment.opens:
+        # whoever had these ports before waits no more
+        shared.missed(route.pair, keep=0)
         kind = "accepted" if segment.acknowledges else "asked for"
         yield Description("TCP connection", f"{kind}, port {ports[0]} -> {ports[1]}", family="enip")
     repeated = streams.repeated
@@ -104,6 +109,8 @@ def _segment(packet: Packet, ip: Ipv4Packet, segment: TcpSegment, shared: Shared
 def _message(octets: bytes, route: Route, shared: Shared, *, missing: bool) -> Iterator[Description]:
     """One message of a stream; one that is malformed does not hide those behind it."""
     if missing:
+        if not route.to_device:
+            shared.missed(route.pair, keep=1)
         yield Description("octets missing", "in front of this message, in the capture", family="enip")
     try:
         yield from _pdu(parse_encapsulation(octets), route, shared)

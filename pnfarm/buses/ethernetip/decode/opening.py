@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Final
 from pnfarm.buses.ethernetip.decode.channels import Channel, Template, octets_behind
 from pnfarm.buses.ethernetip.decode.identity import learn_identity
 from pnfarm.buses.ethernetip.decode.names import octets_text, path_text
-from pnfarm.buses.ethernetip.decode.shared import Opened
 from pnfarm.captures.packet import Description
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.connection_check import ASSEMBLY
@@ -28,8 +27,6 @@ from pnfarm.protocols.enip.wire.forward_open import (
 )
 
 if TYPE_CHECKING:
-    from ipaddress import IPv4Address
-
     from pnfarm.buses.ethernetip.decode.shared import Route, Shared
     from pnfarm.protocols.enip.wire.cpf import Item
     from pnfarm.protocols.enip.wire.message import MessageReply, MessageRequest
@@ -205,7 +202,6 @@ def _keep(asked: ForwardOpen, ids: tuple[int, int], intervals: tuple[int, int], 
     key, points = _points(asked.path)
     if key is not None:
         learn_identity(shared.stations, route.device_mac, key.vendor_id, key.device_type, key.product_code)
-    keys: tuple[tuple[IPv4Address, IPv4Address | None, int], ...] = ()
     if asked.transport.transport == 1:
         device, originator = route.device, route.originator
         multicast = asked.t_to_o.kind == ConnectionType.MULTICAST
@@ -226,7 +222,6 @@ def _keep(asked: ForwardOpen, ids: tuple[int, int], intervals: tuple[int, int], 
             channel = shared.channels[keys[place]] = Channel(ids[place], template)
             if known is not None:
                 channel.inherit(known)
-    shared.opened[route.device, asked.triad] = Opened(asked, keys)
 
 
 def close_asked(what: str, request: MessageRequest, route: Route, shared: Shared) -> Description:
@@ -236,10 +231,9 @@ def close_asked(what: str, request: MessageRequest, route: Route, shared: Shared
     return Description(what, text, {**_named(asked.triad), "path": asked.path.hex()}, {"releases": ""}, family="cip")
 
 
-def close_answered(what: str, reply: MessageReply, route: Route, shared: Shared) -> Description:
+def close_answered(what: str, reply: MessageReply) -> Description:
     """Raises :class:`DecodeError`."""
     if reply.status != GeneralStatus.SUCCESS:
         return _refused(what, reply)
     found = ForwardCloseReply.parse(reply.data)
-    shared.opened.pop((route.device, found.triad), None)
     return Description(what, f"OK, {_triad(found.triad)}", _named(found.triad), family="cip")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
 
@@ -16,16 +16,17 @@ from pnfarm.protocols.enip.status import Service
 
 if TYPE_CHECKING:
     from pnfarm.captures.packet import Capture
-    from pnfarm.protocols.enip.wire.forward_open import ForwardOpen, Triad
     from pnfarm.protocols.enip.wire.message import MessageRequest
 
-__all__ = ["Asked", "Opened", "Route", "Shared"]
+__all__ = ["Asked", "Route", "Shared"]
 
 #: Requests of one session and sender context that wait for their answers.
 MOST_WAITING: Final = 8
-#: Sessions with requests, and connections.
+#: Who asks again in the same context after this time has given the request before up: requests on their way together
+#: follow each other more closely, and time-outs of requests are longer.
+GIVEN_UP_NS: Final = 1_000_000_000
+#: Sessions with requests.
 MOST_ASKED: Final = 512
-MOST_OPENED: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,7 @@ class Route:
     source_mac: bytes
     destination_mac: bytes
     to_device: bool
+    time_ns: int
 
     @property
     def device_mac(self) -> bytes:
@@ -65,19 +67,12 @@ class Asked:
     """
 
     request: MessageRequest
+    at_ns: int = 0
     several: tuple[MessageRequest | None, ...] = ()
     routed: bool = False
 
     def fits(self, service: int) -> bool:
         return self.request.service == service or (self.routed and service == Service.UNCONNECTED_SEND)
-
-
-@dataclass(frozen=True, slots=True)
-class Opened:
-    """A Forward_Open that succeeded; ``keys`` are those of its channels."""
-
-    request: ForwardOpen
-    keys: tuple[tuple[IPv4Address, IPv4Address | None, int], ...] = field(default=())
 
 
 #: What the requests of a session, or of a connection of class 3, have in common with their answers.
@@ -91,14 +86,20 @@ class Shared(SharedState[tuple[IPv4Address, IPv4Address | None, int], Channel, T
         super().__init__(capture)
         self.streams = Streams()
         self.asked: Bounded[AskedKey, deque[Asked]] = Bounded(MOST_ASKED)
-        #: Connections by their device and what names them.
-        self.opened: Bounded[tuple[IPv4Address, Triad], Opened] = Bounded(MOST_OPENED)
 
     def ask(self, key: AskedKey, asked: Asked) -> None:
         waiting = self.asked.get(key)
         if waiting is None:
             waiting = self.asked[key] = deque(maxlen=MOST_WAITING)
+        if waiting and asked.at_ns - waiting[-1].at_ns > GIVEN_UP_NS:
+            waiting.clear()
         waiting.append(asked)
+
+    def missed(self, pair: tuple[End, End], *, keep: int) -> None:
+        """Answers between two ends are not in the capture: of each context so many requests still wait."""
+        for key, waiting in self.asked.items():
+            while key[0] == pair and len(waiting) > keep:
+                waiting.popleft()
 
     def answered(self, key: AskedKey, service: int) -> Asked | None:
         """The oldest request of this service that waits; those before it will not be answered any more."""
