@@ -201,6 +201,40 @@ def test_a_missing_answer_is_of_the_slave_that_did_not_answer_and_each_counts(tm
     assert any(text.endswith("unanswered: 60 x Data_Exchange") for text in told)
 
 
+def parametrised(ident, identifiers="c3 c1 c1 fd 00 01"):
+    """Set_Prm and Chk_Cfg of the slave 5; the identifiers are those of the MSD's telegram 1."""
+    prm = bytes.fromhex("88 01 05 0b") + ident.to_bytes(2, "big") + bytes(1)
+    return [
+        Telegram(5, 1, 0x6D, Sap.SET_PARAMETERS, Sap.MASTER, prm), ShortAck(),
+        Telegram(5, 1, 0x5D, Sap.CHECK_CONFIGURATION, Sap.MASTER, bytes.fromhex(identifiers)), ShortAck(),
+    ]  # fmt: skip
+
+
+def polled(times):
+    found = []
+    for number in range(times):
+        found += [poll(bool(number % 2)), Telegram(1, 5, 0x08, data=b"\x02\x37\x00\x00")]
+    return found
+
+
+def test_another_device_at_the_same_address_has_no_names_of_the_first_ones_model(tmp_path, capsys):
+    capture = written(tmp_path, *parametrised(0x0A8E), *polled(3), *parametrised(0x1234), *polled(3))
+    begun = [text for text in decoded(capsys, capture) if "cyclic data begin" in text]
+    assert begun[0] == "station 1 -> station 5 cyclic data begin telegram 1, 4 octets; STW1 0x047F NSOLL_A 0"
+    assert begun[2] == "station 1 -> station 5 cyclic data begin 4 octets; 04 7f 00 00"
+
+
+def test_the_time_without_a_connection_is_no_time_between_two_polls(tmp_path, capsys):
+    silence = [Token(1, 1)] * 500
+    capture = written(tmp_path, *parametrised(0x0A8E), *polled(20), *silence, *parametrised(0x0A8E), *polled(20))
+    assert main(["decode", str(capture), "--summary", "--format", "json"]) == 0
+    talks = json.loads(capsys.readouterr().out)["conversations"]
+    (talk,) = [talk for talk in talks if talk["cyclic"]]
+    for figures in talk["cyclic"]:
+        assert figures["frames"] == 40
+        assert figures["cycle_seconds"] == figures["interval_max_seconds"] == pytest.approx(0.002)
+
+
 def test_set_slave_add_initiate_and_refusals_are_told(tmp_path, capsys):
     srd = 0x6D
     capture = written(

@@ -84,7 +84,8 @@ class Cyclic:
 
     def _take(self, channel: Channel, data: bytes, now: int) -> Iterator[Description]:
         mean = channel.cycle_ns
-        passed = channel.passed(now) if channel.frames else 0
+        # the time between two connections is none between two telegrams
+        passed = channel.passed(now) if channel.begun else 0
         channel.frames += 1
         channel.last_ns = now
         before, channel.data, channel.octets = channel.data, data, len(data)

@@ -98,6 +98,8 @@ class _Slave:
     """What the capture has shown of one slave so far."""
 
     model: Model | None = None
+    #: Whether the model is a farm file's, whatever the ident number.
+    described: bool = False
     identifiers: bytes = b""
     cyclic: Cyclic | None = None
     watchdog_ns: int = 0
@@ -105,6 +107,11 @@ class _Slave:
     told: dict[str, int] = field(default_factory=dict)
     #: FCB of the last request of each master.
     last: dict[int, tuple[int, bytes]] = field(default_factory=dict)
+
+    def identify(self, ident: int) -> None:
+        """What is at the address now may be another device than before."""
+        if not self.described:
+            self.model = model_by_ident(ident)
 
 
 #: Nothing of a line is kept by these keys but who is observed.
@@ -198,13 +205,14 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
         for drive in drives:
             plan = drive.plan.slave
             slave = self._slave(plan.address)
-            slave.model, slave.identifiers = drive.model, plan.identifiers
+            slave.model, slave.described, slave.identifiers = drive.model, True, plan.identifiers
             self.shared.stations.learn(_station(plan.address), name=plan.name, model=drive.model)
 
     def learn(self, drive: Any, model: Model) -> None:
         """See :class:`~pnfarm.captures.decoder.LineDecoder`."""
         if drive.address is not None:
-            self._slave(drive.address).model = model
+            slave = self._slave(drive.address)
+            slave.model, slave.described = model, True
             self.shared.stations.learn(_station(drive.address), name=drive.name, model=model)
 
     def learn_controller(self, section: Any) -> None:
@@ -287,8 +295,7 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
                 slave.watchdog_ns = parameters.watchdog_ns()
                 if self.shared.observed is not None and is_set_up(parameters):
                     self.shared.observed.parametrised(telegram.destination, telegram.source, parameters)
-                if slave.model is None:
-                    slave.model = model_by_ident(parameters.ident)
+                slave.identify(parameters.ident)
                 if slave.cyclic is not None:
                     slave.cyclic.begin()
                 counts = {"connects": ""} if is_set_up(parameters) else {"releases": ""}
@@ -359,8 +366,7 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
         diagnosis = Diagnosis.parse(telegram.data)
         if self.shared.observed is not None:
             self.shared.observed.diagnosed(telegram.source, diagnosis)
-        if slave.model is None:
-            slave.model = model_by_ident(diagnosis.ident)
+        slave.identify(diagnosis.ident)
         yield from limited(
             slave.told, "Slave_Diag.res", diagnosis_text(diagnosis),
             {"status": int(diagnosis.status), "ident": diagnosis.ident, "extended": diagnosis.extended.hex()},
