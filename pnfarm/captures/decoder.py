@@ -152,7 +152,7 @@ class Decoder:
             start += _TAG
         if data[0] & 1 and self._again(frame):
             return []
-        packet = Packet(frame.time_ns, data[:6], data[6:12], ethertype, data[start:])
+        packet = Packet(frame.time_ns, data[:6], data[6:12], ethertype, data[start:], frame.cut)
         if frame.direction is not None and frame.interface:
             drive = packet.source if frame.direction == _OUTBOUND else packet.destination
             self.capture.stations.guess(drive, frame.interface)

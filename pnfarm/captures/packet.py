@@ -25,13 +25,17 @@ _FRAGMENTED = 64
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """One frame: its addresses, and ``payload`` behind the EtherType, any VLAN tag taken off."""
+    """One frame: its addresses, and ``payload`` behind the EtherType, any VLAN tag taken off.
+
+    ``cut`` octets of it are not in the capture.
+    """
 
     time_ns: int
     destination: bytes
     source: bytes
     ethertype: int
     payload: bytes
+    cut: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -289,6 +289,17 @@ def test_frames_out_of_order_by_some_microseconds_are_not_shown():
     assert len(described(frames)) == 1
 
 
+def test_the_status_of_a_frame_that_the_capture_cut_off_is_not_guessed():
+    frames = [cyclic(n, b"\x01") for n in range(3)]
+    decoder = make_decoder()
+    found = [decoder.feed(replace(frame, data=frame.data[:-6], cut=6)) for frame in frames]
+    assert [line.description.text for lines in found for line in lines] == [
+        "frame id 0x8001; only times count, 6 octets of a frame are not in the capture"
+    ]
+    (figures,) = decoder.summary()[0]["cyclic"]
+    assert (figures["frames"], figures["interval_max_seconds"]) == (3, 0.004)
+
+
 @pytest.mark.parametrize(
     ("zsw1", "stw1", "state"),
     [(0x0240, 0x0476, "S1"), (0x0231, 0x0476, "S2"), (0x0233, 0x0477, "S3"), (0x0237, 0x047F, "S4"),

@@ -152,7 +152,7 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
             own = source if frame.direction == _OUTBOUND else destination
             if own and own != _station(BROADCAST):
                 self.shared.stations.guess(own, frame.interface)
-        return Packet(frame.time_ns, destination, source, _NO_TYPE, frame.data)
+        return Packet(frame.time_ns, destination, source, _NO_TYPE, frame.data, frame.cut)
 
     def family_of(self, packet: Packet) -> str | None:
         """Families of telegrams; a frame of a network is another bus's."""
@@ -175,6 +175,8 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
         try:
             telegram = parse_telegram(packet.payload)
         except DecodeError as exc:
+            if packet.cut:
+                raise
             yield from self._broken(packet, exc)
             return
         match telegram:

@@ -78,6 +78,9 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
         channel = shared.channels[key] = _foreign(packet, frame_id, shared)
     template = channel.template
     size = template.layout.data_length if template is not None else len(payload) - 2 - STATUS_LENGTH
+    if packet.cut and (template is None or len(payload) < 2 + size + STATUS_LENGTH):
+        yield from _cut(channel, packet)
+        return
     if len(payload) < 2 + size + STATUS_LENGTH:
         yield from channel.limited("wrong length", f"{len(payload) - 2} octets, {size + STATUS_LENGTH} expected")
         return
@@ -104,6 +107,18 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
         yield Description(
             "cyclic", f"0x{frame_id:04X} counter {counter} {_values(channel)}".rstrip(), {"frame_id": frame_id}
         )
+
+
+def _cut(channel: Channel, packet: Packet) -> Iterator[Description]:
+    """A frame whose counter and status are not in the capture."""
+    if not channel.frames:
+        lacking = f"{packet.cut} octets of a frame are not in the capture"
+        text = f"frame id 0x{channel.frame_id:04X}; only times count, {lacking}"
+        yield Description("cyclic data begin", text, {"frame_id": channel.frame_id})
+    if channel.last_ns:
+        channel.passed(packet.time_ns)
+    channel.frames += 1
+    channel.source, channel.destination, channel.last_ns = packet.source, packet.destination, packet.time_ns
 
 
 def _foreign(packet: Packet, frame_id: int, shared: Shared) -> Channel:
