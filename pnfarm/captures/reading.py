@@ -53,6 +53,17 @@ def _quiet() -> Iterator[None]:
         logger.disabled = kept
 
 
+def _number_anew(reader: Any) -> None:
+    """Interfaces are numbered anew in each section of a file; scapy goes on with those before."""
+    header = reader._read_block_shb  # noqa: SLF001 - scapy has no public one
+
+    def section() -> None:
+        reader.interfaces.clear()
+        header()
+
+    reader._read_block_shb = section  # noqa: SLF001 - the same
+
+
 class _Unpacked(gzip.GzipFile):
     """A gzip file that also closes the file it reads from."""
 
@@ -126,6 +137,8 @@ class FrameReader:
                 f"{self._path} holds frames of link type {reader.linktype}, not of Ethernet ({ETHERNET}): "
                 "capture at an interface, not at `any`"
             )
+        if not classic:
+            _number_anew(reader)
         unit = 1 if classic and reader.nano else 1000
         while True:
             place = file.tell()
@@ -158,4 +171,6 @@ class FrameReader:
                 return
             self.frames += 1
             cut = max(0, int(meta.wirelen) - len(data))
-            yield CapturedFrame(self.frames, time_ns, bytes(data), name, direction, cut, link_type)
+            # as Wireshark counts them
+            number = self.frames + self.foreign
+            yield CapturedFrame(number, time_ns, bytes(data), name, direction, cut, link_type)
