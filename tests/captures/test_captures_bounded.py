@@ -6,6 +6,7 @@ from pnfarm.buses import registry
 from pnfarm.captures.reading import CapturedFrame
 
 MS = 1_000_000
+MOST_CHANNELS = 4096
 
 
 def question(station: int) -> bytes:
@@ -28,3 +29,18 @@ def test_a_copy_at_another_interface_is_left_out_however_many_other_stations_the
     assert lines(0, 1000 * MS, "axis-01") == 1
     assert lines(300, 1000 * MS, "axis-01") == 1
     assert lines(0, 1001 * MS, "axis-02") == 0
+
+
+def test_cyclic_data_that_go_on_are_known_however_many_other_connections_there_were() -> None:
+    decoder = registry.decoder()
+    begun = []
+
+    def cyclic(station: int, now: int) -> None:
+        head = bytes([2, 0, 0, 0, 0, 1, 2, 0, 0, 0]) + station.to_bytes(2, "big") + b"\x88\x92\x80\x00"
+        frame = CapturedFrame(now, now * MS, head + bytes(40) + (now * 32 & 0xFFFF).to_bytes(2, "big") + b"\x35\0")
+        begun.extend(station for line in decoder.feed(frame) if line.description.what == "cyclic data begin")
+
+    for other in range(1, MOST_CHANNELS + 10):
+        cyclic(0, 2 * other)
+        cyclic(other, 2 * other + 1)
+    assert begun.count(0) == 1

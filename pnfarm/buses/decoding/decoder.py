@@ -29,7 +29,7 @@ class SharedState(Generic[_Key, _Channel, _Template, _Observed]):
     def __init__(self, capture: Capture) -> None:
         self.capture = capture
         self.stations = capture.stations
-        #: Cyclic channels by their addresses and number.
+        #: Cyclic channels by their addresses and number, the one with the latest frame last.
         self.channels: Bounded[_Key, _Channel] = Bounded()
         #: Layouts of a farm file, by the drive's MAC address and whether the drive sends.
         self.templates: dict[tuple[bytes, bool], _Template] = {}

@@ -72,6 +72,7 @@ def _channel(packet: Packet, ip: Ipv4Packet, pdu: Class1Pdu, shared: Shared) -> 
     for key in ((ip.source, ip.destination, pdu.connection_id), (ip.source, None, pdu.connection_id)):
         channel = shared.channels.get(key)
         if channel is not None:
+            shared.channels.move_to_end(key)
             return channel
     found = None
     for mac, from_device in ((packet.source, True), (packet.destination, False)):

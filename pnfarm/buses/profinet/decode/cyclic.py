@@ -76,6 +76,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     channel = shared.channels.get(key)
     if channel is None:
         channel = shared.channels[key] = _foreign(packet, frame_id, shared)
+    shared.channels.move_to_end(key)
     template = channel.template
     size = template.layout.data_length if template is not None else len(payload) - 2 - STATUS_LENGTH
     if packet.cut and (template is None or len(payload) < 2 + size + STATUS_LENGTH):
