@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import struct
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from pnfarm.drives.telegrams.telegram import Signal
 
 __all__ = ["Words", "control_word", "values_text", "word_changes", "word_of", "words_of"]
 
@@ -20,12 +23,12 @@ STATE_MASK = 0x0047
 FAULT_PRESENT = 0x0008
 #: Prefixes of the names of words that hold bits, task numbers or codes instead of quantities.
 BIT_WORDS = (
-    "STW", "ZSW", "E_STW", "E_ZSW", "CU_STW", "CU_ZSW", "POS_STW", "POS_ZSW", "G1_STW", "G1_ZSW", "MELDW",
-    "SATZANW", "AKTSATZ", "MDI_MOD", "FAULT_CODE", "WARN_CODE", "DRIVE_INPUTS", "DRIVE_MOTION_STATUS",
-    "E_DIGITAL", "A_DIGITAL", "word",
+    "STW", "ZSW", "E_STW", "E_ZSW", "CU_STW", "CU_ZSW", "POS_STW", "POS_ZSW", "G1_STW", "G1_ZSW", "G2_STW", "G2_ZSW",
+    "MELDW", "MELD_NAMUR", "PKW_HEAD", "SATZANW", "AKTSATZ", "MDI_MOD", "FAULT_CODE", "WARN_CODE", "DRIVE_INPUTS",
+    "DRIVE_MOTION_STATUS", "E_DIGITAL", "A_DIGITAL", "word",
 )  # fmt: skip
-#: (name, octet, octets) of each word.
-Words = tuple[tuple[str, int, int], ...]
+#: (name, octet, octets) of each word, and whether it is a number of single precision.
+Words = tuple[tuple[str, int, int, bool], ...]
 
 _STATES = {
     0x40: "S1 switching on inhibited",
@@ -44,22 +47,27 @@ def drive_state(zsw1: int, stw1: int | None) -> str:
     return state
 
 
-def words_of(names: Iterable[str], offset: int = 0) -> Words:
+def words_of(signals: Iterable[Signal | None], offset: int = 0) -> Words:
     """Words from ``offset`` on; consecutive ones of one name are a double word, those without are left out."""
-    found: list[tuple[str, int, int]] = []
-    for name in names:
-        if found and name and found[-1][0] == name and found[-1][2] == 2:
-            found[-1] = (name, found[-1][1], 4)
-        elif name:
-            found.append((name, offset, 2))
+    found: list[tuple[str, int, int, bool]] = []
+    for signal in signals:
+        if signal is not None and found and found[-1][:3] == (signal.name, offset - 2, 2):
+            found[-1] = (signal.name, offset - 2, 4, signal.real)
+        elif signal is not None:
+            found.append((signal.name, offset, 2, False))
         offset += 2
     return tuple(found)
 
 
 def values_text(words: Words, data: bytes) -> str:
-    """Each word of a telegram with its value."""
+    """Each word of a telegram with its value, as far as there are data."""
     texts = []
-    for name, offset, width in words:
+    for name, offset, width, real in words:
+        if len(data) < offset + width:
+            break
+        if real:
+            texts.append(f"{name} {struct.unpack_from('>f', data, offset)[0]:.7g}")
+            continue
         value = int.from_bytes(data[offset : offset + width], "big")
         is_bits = name.startswith(BIT_WORDS)
         signed = value - (1 << 8 * width) if value >> (8 * width - 1) else value
@@ -69,7 +77,7 @@ def values_text(words: Words, data: bytes) -> str:
 
 def word_of(words: Words, name: str, data: bytes) -> int | None:
     """The value of one of the words, None where the telegram does not have it."""
-    place = next((offset for known, offset, _ in words if known == name), None)
+    place = next((offset for known, offset, *_ in words if known == name), None)
     return None if place is None or len(data) < place + 2 else int.from_bytes(data[place : place + 2], "big")
 
 

@@ -22,10 +22,11 @@ from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.buses.registry import BUSES, bus, frame_filters
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.decoder import family_of as neutral_family_of
-from pnfarm.captures.drive_words import drive_state
+from pnfarm.captures.drive_words import drive_state, values_text, words_of
 from pnfarm.captures.packet import Packet
 from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.controller.line import VirtualLine
+from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.links.kernel.bpf_capture import KINDS
@@ -298,6 +299,24 @@ def test_the_status_of_a_frame_that_the_capture_cut_off_is_not_guessed():
     ]
     (figures,) = decoder.summary()[0]["cyclic"]
     assert (figures["frames"], figures["interval_max_seconds"]) == (3, 0.004)
+
+
+@pytest.mark.parametrize(
+    ("telegram", "text"),
+    [
+        (4, "ZSW1 0x0001 NIST_B 0 ZSW2 0x0000 G1_ZSW 0x0000 G1_XIST1 0 G1_XIST2 0 G2_ZSW 0xA000 G2_XIST1 0 G2_XIST2 0"),
+        (20, "ZSW1 0x0001 NIST_A_GLATT 0 IAIST_GLATT 0 MIST_GLATT 0 PIST_GLATT 0 MELD_NAMUR 0xA000"),
+        (112, "VIST_F -1.5"),
+    ],
+)
+def test_each_word_is_a_number_or_bits_as_its_telegram_has_it(telegram, text):
+    values = {"ZSW1": b"\0\1", "G2_ZSW": b"\xa0\0", "MELD_NAMUR": b"\xa0\0", "VIST_F": struct.pack(">f", -1.5)}
+    words = words_of(model("profidrive").profidrive.telegrams[telegram].input)
+    data = bytearray(64)
+    for name, place, octets in (word[:3] for word in words):
+        data[place : place + octets] = values.get(name, bytes(octets))
+    assert text in values_text(words, bytes(data))
+    assert values_text(words, bytes(data[:3])) == "ZSW1 0x0001"
 
 
 @pytest.mark.parametrize(

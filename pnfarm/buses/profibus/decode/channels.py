@@ -55,7 +55,7 @@ class Cyclic:
             (self.outputs, telegram and telegram.output),
             (self.inputs, telegram and telegram.input),
         ):
-            channel.words = words_of(one.name if one is not None else "" for one in signals or ())
+            channel.words = words_of(signals or ())
             channel.telegram = None if telegram is None else telegram.number
         self._bits = {}
         if described is not None and telegram is not None:

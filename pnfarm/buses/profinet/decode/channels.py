@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
 from pnfarm.buses.decoding.channel import SummedChannel
-from pnfarm.captures.drive_words import words_of
+from pnfarm.captures.drive_words import Words, words_of
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ PROFIDRIVE_API = 0x3A00
 
 @dataclass(frozen=True, slots=True)
 class AxisWords:
-    """One axis's part of a frame: ``words`` are (name, octet in the C_SDU, octets).
+    """One axis's part of a frame: octets of ``words`` are counted in the C_SDU.
 
     ``place`` is its slot where there are several axes; ``bits`` names of bits by word, where the drive's model has
     them.
@@ -35,7 +35,7 @@ class AxisWords:
 
     place: str
     telegram: int | None
-    words: tuple[tuple[str, int, int], ...]
+    words: Words
     bits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
@@ -110,7 +110,8 @@ def make_template(layout: IocrLayout, telegrams: Telegrams, model: Model | None 
             first = "ZSW1" if layout.is_input else "STW1"
             names = (first if n == 0 else f"word {n + 1}" for n in range(place.data_length // 2))
             number = next((telegram.number for telegram in telegrams.values()), None)
-            axes = [AxisWords("", number, words_of(names, place.data_offset))]
+            words = tuple((name, place.data_offset + 2 * n, 2, False) for n, name in enumerate(names))
+            axes = [AxisWords("", number, words)]
     statuses = [("IOPS", d.slot, d.subslot, d.iops_offset) for d in layout.data if d.iops_offset is not None]
     statuses += [("IOCS", c.slot, c.subslot, c.iocs_offset) for c in layout.iocs if c.iocs_offset is not None]
     return Template(layout, tuple(axes), tuple(statuses))
@@ -122,16 +123,16 @@ def _words(
     """An axis's words in this direction, None where its data is not in the frame."""
     is_input = layout.is_input
     slot = telegram.module.slot + shift
-    words: list[tuple[str, int, int]] = []
+    words: list[tuple[str, int, int, bool]] = []
     if layout.data_of(slot, telegram.module.data.subslot) is None:
         return None
     for each in (telegram, *(model.profidrive.supplements.values() if model is not None else ())):
         place = layout.data_of(slot, each.module.data.subslot)
         if place is not None:
             signals = each.input if is_input else each.output
-            named = words_of((s.name if s is not None else "" for s in signals), place.data_offset)
+            named = words_of(signals, place.data_offset)
             words += [word for word in named if word[1] + word[2] <= place.data_offset + place.data_length]
     bits = {}
     if model is not None:
-        bits = {name: found for name, _, _ in words if (found := model.profidrive.bit_names(name, telegram.number))}
+        bits = {name: found for name, *_ in words if (found := model.profidrive.bit_names(name, telegram.number))}
     return AxisWords(f"slot {slot}" if several else "", telegram.number, tuple(words), bits)
