@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from pnfarm.captures.decoder import Decoder, Line
+    from pnfarm.captures.reading import CapturedFrame
 
 __all__ = ["DecodeFormat", "decode"]
 
@@ -83,7 +84,7 @@ def decode(
     write = sys.stdout.write
     for frame in reader:
         lines = decoder.feed(frame)
-        chosen.see(*decoder.ends(frame))
+        chosen.see(frame)
         for line in lines:
             if not summary and line.family in families and chosen.wants(line):
                 write(_text(line, decoder) if output is DecodeFormat.TEXT else f"{json.dumps(decoder.as_dict(line))}\n")
@@ -129,11 +130,14 @@ class _Chosen:
         self._senders: dict[bytes, None] = {}
         self._addressed: set[bytes] = set()
 
-    def see(self, destination: bytes, source: bytes) -> None:
+    def see(self, frame: CapturedFrame) -> None:
         """Note the stations of one frame, whether or not it makes a line."""
         if self._asked and len(self._senders) < _MOST_STATIONS and len(self._addressed) < _MOST_STATIONS:
-            self._senders[source] = None
-            self._addressed.add(destination)
+            destination, source = self._decoder.ends(frame)
+            # a telegram of a line may have none
+            if source:
+                self._senders[source] = None
+                self._addressed.add(destination)
 
     def wants(self, line: Line) -> bool:
         """Whether a line is from or to one of the stations; always, if none was asked for."""

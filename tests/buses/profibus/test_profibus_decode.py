@@ -235,6 +235,12 @@ def test_the_time_without_a_connection_is_no_time_between_two_polls(tmp_path, ca
         assert figures["cycle_seconds"] == figures["interval_max_seconds"] == pytest.approx(0.002)
 
 
+def test_octets_without_a_station_are_of_no_station(tmp_path, capsys):
+    capture = written(tmp_path, poll(), ShortAck(), b"\x99\x98", poll(fcb=False))
+    assert main(["decode", str(capture), "--drive", "axis-09"]) == 2
+    assert capsys.readouterr().err.endswith("; it has frames of station 1\n")
+
+
 def test_set_slave_add_initiate_and_refusals_are_told(tmp_path, capsys):
     srd = 0x6D
     capture = written(
