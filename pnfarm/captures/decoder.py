@@ -40,10 +40,11 @@ _OUTBOUND = 2
 
 @dataclass(frozen=True, slots=True)
 class PlannedDrive:
-    """A drive of a farm file: its address, and how the bus's controller is to connect it (a plan of the bus's own)."""
+    """A drive or device of a farm file: its address, and how the bus's controller is to connect it (a plan of the bus's
+    own).  A device has no model."""
 
     mac: bytes
-    model: Model
+    model: Model | None
     plan: Any
 
 
@@ -78,8 +79,8 @@ class LineDecoder(FrameDecoder, Protocol):
         have empty addresses.
         """
 
-    def learn(self, drive: Any, model: Model) -> None:
-        """A drive of a farm file, by the configuration that its bus makes of it."""
+    def learn(self, station: Any, model: Model | None) -> None:
+        """A drive or device of a farm file, by the configuration that its bus makes of it."""
 
     def learn_controller(self, section: Any) -> None:
         """A farm file's controller on this bus, by its section."""

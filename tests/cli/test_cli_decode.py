@@ -9,12 +9,14 @@ import shutil
 import signal
 import struct
 import subprocess
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scapy.utils import RawPcapNgReader
 
+from pnfarm.captures.reading import FrameReader
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.links.capture.pcap import PcapngWriter, packet_block, section_header
@@ -27,6 +29,8 @@ from pnfarm.protocols.profinet.wire.dcp.pdu import (
     emit_dcp,
 )
 
+CONFIGS = Path(__file__).parents[2] / "configs"
+PROFIBUS_DL = 257
 FARM = """\
 farm: pcaptest
 link: {kind: veth}
@@ -313,3 +317,37 @@ def test_what_a_station_says_is_one_line_and_cannot_control_the_terminal(pnfarm,
     done = pnfarm("decode", path)
     (line,) = done.out.splitlines()
     assert line.endswith("DCP Identify.res name axis?[2J?-1")
+
+
+@pytest.mark.parametrize(
+    ("farm", "device", "begin"),
+    [
+        ("weigher", "weigher", "12 octets, RPI 10 ms"),
+        ("cell", "island", "40 octets, cycle 16 ms"),
+        ("profibus-cell", "island", "8 octets; 00"),
+    ],
+)
+def test_the_devices_of_a_farm_file_are_known_where_the_capture_begins_in_the_middle(
+    pnfarm, tmp_path, farm, device, begin
+):
+    file, whole, rest = CONFIGS / f"{farm}.pnfarm.yml", tmp_path / "whole.pcapng", tmp_path / "rest.pcapng"
+
+    async def record() -> None:
+        line = await VirtualLine.create(parse_farm(file.read_text("utf-8"), file), pcap=whole)
+        assert line.world.run(10.0, until=lambda: line.controllers.all_running)
+        line.world.run(3.0 if farm == "weigher" else 0.2)
+        await line.close()
+
+    asyncio.run(record())
+    frames = list(FrameReader(whole, [PROFIBUS_DL]))
+    writer = PcapngWriter(rest)
+    # an interface without a name, which says nothing of the stations
+    interface = writer.add_interface("", link_type=frames[-1].link_type)
+    for frame in frames:
+        if frame.time_ns > frames[-1].time_ns - 100_000_000:
+            writer.write(interface, frame.data, frame.time_ns, "in")
+    writer.close()
+    found = pnfarm("decode", rest, "--farm", file, "--drive", device, "--only", "cyclic").out
+    (line,) = [line for line in found.splitlines() if f"{device} -> plc cyclic data begin" in line]
+    assert begin in line
+    assert "layout unknown" not in found

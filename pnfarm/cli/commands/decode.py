@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
     from pnfarm.captures.decoder import Decoder, Line
     from pnfarm.captures.reading import CapturedFrame
+    from pnfarm.config.device import DeviceConfig
+    from pnfarm.config.drive import DriveConfig
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["DecodeFormat", "decode"]
 
@@ -191,32 +194,35 @@ def _learn_farm(path: Path, decoder: Decoder) -> None:
     """Give the decoder the names, models and planned connections of a farm file."""
     from pnfarm.captures.decoder import LineDecoder, PlannedDrive
     from pnfarm.cli.farm_file import read
-    from pnfarm.config.ip import IpController, IpDriveConfig
+    from pnfarm.config.ip import IpController, IpDeviceConfig, IpDriveConfig
     from pnfarm.controller.plan import plan_controllers
     from pnfarm.farm.farm import model_of
-    from pnfarm.farm.file.reading import expand
+    from pnfarm.farm.file.reading import expand, expand_devices
 
     config = read(path)
-    drives = expand(config)
-    models = [model_of(drive) for drive in drives]
+    drives, devices = expand(config), expand_devices(config)
+    known: list[tuple[DriveConfig | DeviceConfig, Model | None, str]] = [(one, None, one.bus) for one in devices]
+    known += [(drive, model, model.bus) for drive in drives for model in (model_of(drive),)]
     stations = decoder.capture.stations
-    for drive, model in zip(drives, models, strict=True):
-        if isinstance(own := decoder.buses[model.bus], LineDecoder):
-            own.learn(drive, model)
+    for station, model, bus in known:
+        if isinstance(own := decoder.buses[bus], LineDecoder):
+            own.learn(station, model)
             continue
-        ip = drive.ip if isinstance(drive, IpDriveConfig) else None
-        stations.learn(drive.mac, name=drive.name, ip=ip.ip if ip is not None else None, model=model)
-    for one in plan_controllers(config, drives) if config.controllers else ():
+        ip = station.ip if isinstance(station, IpDriveConfig | IpDeviceConfig) else None
+        stations.learn(station.mac, name=station.name, ip=ip.ip if ip is not None else None, model=model)
+    for one in plan_controllers(config, drives, devices) if config.controllers else ():
         section = one.section
         if one.mac is not None:
             ip = section.ip if isinstance(section, IpController) else None
             stations.learn(one.mac, name=section.name, ip=ip.ip if ip is not None else None)
         if isinstance(own := decoder.buses[one.bus.name], LineDecoder):
             own.learn_controller(section)
-        # devices without a model come after the drives
+        # those of other machines, whose addresses the file does not have, come last
+        members = [(drive.mac, model) for drive, model in one.members]
+        own_devices = [(device.mac, None) for device in devices if device.bus == one.bus.name]
         planned = [
-            PlannedDrive(drive.mac, model, wanted)
-            for (drive, model), wanted in zip(one.members, one.plan.devices, strict=False)
+            PlannedDrive(mac, model, wanted)
+            for (mac, model), wanted in zip([*members, *own_devices], one.plan.devices, strict=False)
         ]
         decoder.buses[one.bus.name].expect(section.name, one.mac or bytes(6), planned)
 

@@ -210,12 +210,12 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
             slave.model, slave.described, slave.identifiers = drive.model, True, plan.identifiers
             self.shared.stations.learn(_station(plan.address), name=plan.name, model=drive.model)
 
-    def learn(self, drive: Any, model: Model) -> None:
+    def learn(self, station: Any, model: Model | None) -> None:
         """See :class:`~pnfarm.captures.decoder.LineDecoder`."""
-        if drive.address is not None:
-            slave = self._slave(drive.address)
+        if station.address is not None:
+            slave = self._slave(station.address)
             slave.model, slave.described = model, True
-            self.shared.stations.learn(_station(drive.address), name=drive.name, model=model)
+            self.shared.stations.learn(_station(station.address), name=station.name, model=model)
 
     def learn_controller(self, section: Any) -> None:
         """See :class:`~pnfarm.captures.decoder.LineDecoder`."""
