@@ -64,6 +64,21 @@ def test_an_assembly_has_the_members_that_fit_into_its_size():
     assert sheet.remarks == ("line 3: Assem1: its members have 32 bits, its size is 3 octets: it has those that fit",)
 
 
+@pytest.mark.parametrize(
+    ("inner", "outer", "place"),
+    [
+        ("4,0,,,", ",Assem1", 32),
+        ("4,0,,,", "32,Assem1", 32),
+        ("4,0,,,16,", ",Assem1", 32),
+        ("4,0,,,16,", "24,Assem1", 24),
+        (",0,,,16,", ",Assem1", 16),
+    ],
+)
+def test_what_is_behind_an_assembly_within_another_comes_behind_all_its_octets(inner, outer, place):
+    sheet = parse_sheet(DEVICE + f"[Assembly]\nAssem1 = ,,{inner};\nAssem2 = ,,,0,,,{outer},8,;".encode())
+    assert (sheet.assemblies[2].members[-1].place, sheet.assemblies[2].members[-1].bits) == (place, 8)
+
+
 def test_an_assembly_whose_only_member_is_itself_has_data_without_meaning():
     sheet = parse_sheet(DEVICE + b'[Assembly]\nAssem1 = "In","20 04 24 6F 30 03",4,0,,,32,Assem1;')
     assert sheet.assemblies[1].size == Limits(4, 4, 4)

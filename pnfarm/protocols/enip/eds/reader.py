@@ -163,13 +163,15 @@ class _SheetReader:
         kind, number = (match[1].casefold(), int(match[2])) if match is not None else ("", 0)
         if kind in {"param", "assem"} and number not in self._entries[kind]:
             raise refusal(entry, f"there is no {text}")
-        if kind == "assem" and not (number == own and bits_text):
-            yield from self._assembly(number, depth + 1).members
-            return
+        inner = self._assembly(number, depth + 1) if kind == "assem" and not (number == own and bits_text) else None
         parameter = self._fields.parameter(number) if kind == "param" else None
-        usual = 8 * parameter.type.octets if parameter is not None else 0
+        usual = 8 * (inner.size.default if inner is not None else parameter.type.octets if parameter is not None else 0)
         bits = self._fields.limits(entry, bits_text or str(usual), 8 * LONGEST_DATA, "the size of a member").default
-        if bits:
+        if inner is not None:
+            yield from inner.members
+            # what is behind its members counts, too
+            bits, parameter = bits - sum(one.bits for one in inner.members), None
+        if bits > 0:
             yield Member(0, bits, parameter)
 
     def _instance(self, entry: EdsEntry) -> int | None:
