@@ -196,6 +196,15 @@ def test_an_assembly_that_cannot_be_followed_leaves_the_others_and_takes_its_con
         sheet.connection("Connection1")
 
 
+@pytest.mark.parametrize("repeated", ["Assem{} = ,,,0,,,,Assem1;", "[Connection Manager] Connection{} = 2,0,,,Assem1;"])
+def test_a_file_whose_assemblies_multiply_is_refused_before_it_fills_the_memory(repeated):
+    first = f"[Assembly]\nAssem1 = ,,,0,,,{','.join(['2,'] * 4000)};\n"
+    begin, _, entry = repeated.rpartition("] ")
+    text = first + begin + "]" * bool(begin) + "\n" + "\n".join(entry.format(number) for number in range(2, 300))
+    with pytest.raises(DecodeError, match="have more than 524288 members"):
+        parse_sheet(DEVICE + text.encode())
+
+
 def test_a_connection_that_cannot_be_followed_leaves_the_others():
     text = OCTETS.replace(b"Param9, , Assem102,     $", b"Param9, , Assem99,     $")
     sheet = parse_sheet(text)

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 __all__ = ["parse_sheet"]
 
 _MOST_MEMBERS, _DEEPEST = 4096, 8
+#: Members of all assemblies and connections together: assemblies may hold each other.
+_MOST_OF_ALL = 1 << 19
 _MOST_REMARKS = 20
 _U8, _U16 = 0xFF, 0xFFFF
 
@@ -67,6 +69,7 @@ class _SheetReader:
         self._assemblies: dict[int, Assembly] = {}
         self._refused: dict[int, DecodeError] = {}
         self._remarks: list[str] = []
+        self._members_read = 0
 
     def sheet(self) -> Sheet:
         device = self._eds.section("Device")
@@ -121,7 +124,13 @@ class _SheetReader:
                 found[number] = self._assembly(number)
             except DecodeError as exc:
                 self._remarks.append(exc.detail or exc.reason)
+            self._check_bound(self._entries["assem"][number])
         return found
+
+    def _check_bound(self, entry: EdsEntry) -> None:
+        if self._members_read > _MOST_OF_ALL:
+            what = f"{entry.keyword} and those before it have more than {_MOST_OF_ALL} members"
+            raise DecodeError("long", f"line {entry.line}: {what}")
 
     def _assembly(self, number: int, depth: int = 0) -> Assembly:
         if number in self._refused:
@@ -143,6 +152,7 @@ class _SheetReader:
             for member in self._members(entry, number, at, depth):
                 members.append(Member(place, member.bits, member.parameter))
                 place += member.bits
+                self._members_read += 1
             if len(members) > _MOST_MEMBERS:
                 raise refusal(entry, f"it has more than {_MOST_MEMBERS} members")
         text = entry.text(_ASSEMBLY_SIZE).strip()
@@ -194,6 +204,7 @@ class _SheetReader:
             except DecodeError as exc:
                 # another connection of the file may do; the user hears of it where this one is asked for
                 unusable[entry.keyword.casefold()] = exc.detail or exc.reason
+            self._check_bound(entry)
         return found, unusable
 
     def _connection(self, entry: EdsEntry) -> Connection:
@@ -227,6 +238,7 @@ class _SheetReader:
         if kind == "assem":
             assembly = self._assembly(number)
             members, octets = assembly.members, assembly.size
+            self._members_read += len(members)
         elif kind == "param":
             parameter = self._fields.parameter(number)
             members = (Member(0, 8 * parameter.type.octets, parameter),)
