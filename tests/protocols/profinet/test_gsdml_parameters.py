@@ -71,6 +71,13 @@ def test_texts_and_octets_are_filled_up_with_zeros():
     assert ParameterRecord(1, 8, refs=refs).defaults() == b"ab\0" + "é".encode() + b"\0" + b"\xff\0"
 
 
+@pytest.mark.parametrize("kind", ["OctetString", "VisibleString", "UnicodeString8", "Unsigned16"])
+def test_a_value_without_a_default_leaves_what_constants_put_there(kind):
+    refs = (ParameterRef(kind, byte_offset=1, length=2, name="x"), ParameterRef("Unsigned8", 3, name="y", default="9"))
+    one = ParameterRecord(1, 4, consts=(ParameterConst(b"\1\2\3\4"),), refs=refs)
+    assert (one.defaults(), one.octets()) == (b"\1\2\3\x09", b"\1\2\3\x09")
+
+
 def test_a_default_that_is_not_supported_leaves_what_constants_put_there():
     refs = (
         ParameterRef("BitArea", 0, bit_offset=6, bit_length=4, default="9"),

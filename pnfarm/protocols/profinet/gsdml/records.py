@@ -252,8 +252,9 @@ class ParameterRecord:
         """The record before anything was written; a default that is not supported (see above) leaves its octets."""
         octets = self._constants()
         for ref in self.refs:
-            with suppress(ValueError):
-                ref.put(octets, ref.default, checked=False)
+            if ref.default:
+                with suppress(ValueError):
+                    ref.put(octets, ref.default, checked=False)
         return bytes(octets)
 
     def complaint(self, octets: bytes) -> Complaint | None:
