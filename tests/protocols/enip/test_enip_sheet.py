@@ -45,6 +45,14 @@ def test_a_parameter_has_type_limits_unit_scale_and_names_of_values():
     assert SHEET.named("param6") is SHEET.named("window")
 
 
+@pytest.mark.parametrize(
+    ("code", "name"), [("0xC3", "int16"), ("0xC8", "uint32"), ("0xCB", "float64"), ("0xD4", "uint64")]
+)
+def test_a_parameter_without_a_size_has_that_of_its_type(code, name):
+    sheet = parse_sheet(DEVICE + f"[Params]\nParam1 = 0,,,0,{code},,X;".encode())
+    assert sheet.parameters[1].type.name == name
+
+
 def test_an_assembly_has_its_members_where_their_sizes_put_them():
     outputs = SHEET.assemblies[101]
     places = {one.parameter.name: (one.place, one.bits) for one in outputs.members if one.parameter}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.eds.document import Limits, Parameter
 from pnfarm.protocols.enip.eds.text import EdsString, whole
+from pnfarm.protocols.enip.wire.data_types import TYPES
 from pnfarm.wire.value_types import ValueType
 
 if TYPE_CHECKING:
@@ -131,7 +132,10 @@ class FieldReader:
 
     def _read_parameter(self, number: int, entry: EdsEntry) -> Parameter:
         code = self.whole(entry, _TYPE, 0, _U8, what="its data type")
-        size = self.whole(entry, _SIZE, 0, _LONGEST_VALUE, what="its data size") or _FLOATS.get(code, 1)
+        size = self.whole(entry, _SIZE, 0, _LONGEST_VALUE, what="its data size")
+        if not size:
+            known = TYPES.get(code)
+            size = (known.size if known is not None else None) or 1
         kind = _type_of(code, size)
         default = self._value(entry, _DEFAULT, kind)
         least, greatest = self._bounds(entry, kind)
