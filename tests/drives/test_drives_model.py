@@ -396,6 +396,7 @@ def test_a_farm_file_overrides_the_identity() -> None:
         ({"telegrams": {2: 1}}, r"identity\.telegrams\.2"),
         ({"telegrams": {1: {"modul": 1}}}, r"identity\.telegrams\.1"),
         ({"telegrams": {1: -1}}, r"identity\.telegrams\.1\.module"),
+        ({"telegrams": {1: {"takes": {2: 5}}}}, r"identity\.telegrams\.1\.takes\.2: 5 is not a list of idents"),
         ({"telegrams": {1: {"module": 5, "submodule": 6}, 7: {"module": 5, "submodule": 6}}}, r"same module ident"),
     ],
 )

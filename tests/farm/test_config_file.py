@@ -411,6 +411,12 @@ def test_the_installed_model_judges_parameters_telegrams_and_identity():
     assert "did you mean DRV.OPMODE?" in caught.value.issues[3].what
 
 
+def test_a_list_of_lists_of_telegrams_is_refused_where_it_is():
+    with pytest.raises(FarmFileError) as refused:
+        parse_farm(GOOD.replace("identity: {}", "identity: {without: [[350]]}"), "f")
+    assert "drives[0].identity.without: [350] is not a number" in str(refused.value)
+
+
 def test_the_installed_model_takes_a_foreign_projects_identity():
     farm = parse_farm(GOOD.replace("identity: {}", "identity: {vendor: 0x0105, device: 7}"), "f")
     assert expand(farm)[0].identity == {"vendor": 0x0105, "device": 7}

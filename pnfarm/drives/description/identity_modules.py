@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.profiles.profidrive.part import Profidrive
 
-__all__ = ["IDENT", "from_farm_file", "less_absent", "mapping", "number", "with_ident", "with_modules"]
+__all__ = ["IDENT", "absent", "from_farm_file", "less_absent", "mapping", "number", "with_ident", "with_modules"]
 
 IDENT = 0xFFFFFFFF
 _U16 = 0xFFFF
@@ -82,6 +82,8 @@ def _placed(module: Module, parts: Mapping[str, Any], where: str) -> Module:
     fixed = mapping(parts.get("beside", {}), f"{where}.beside")
     taken = mapping(parts.get("takes", {}), f"{where}.takes")
     beside = tuple(empty(place, ident, "beside") for place, ident in fixed.items())
+    if (wrong := next((place for place, idents in taken.items() if not isinstance(idents, list)), None)) is not None:
+        raise ConfigError(f"identity.{where}.takes.{wrong}: {taken[wrong]!r} is not a list of idents")
     takes = tuple(empty(place, ident, "takes") for place, idents in taken.items() for ident in idents)
     submodules = tuple(sorted((*beside, data), key=lambda one: one.subslot))
     return dataclasses.replace(module, submodules=submodules, choices=takes)
@@ -177,14 +179,18 @@ def with_modules(profidrive: Profidrive, overrides: Mapping[str, Any], model: st
     return dataclasses.replace(left, telegrams=with_choices(left.telegrams, left.supplements.values()))
 
 
+def absent(overrides: Mapping[str, Any]) -> list[int]:
+    """The telegrams ``without``; raises :class:`ConfigError`."""
+    found = overrides.get("without", [])
+    if not isinstance(found, (list, tuple)):
+        raise ConfigError(f"identity.without: {found!r} is not a list of telegrams")
+    return [number(one, "without", _U16) for one in found]
+
+
 def less_absent(profidrive: Profidrive, overrides: Mapping[str, Any], model: str) -> Profidrive:
     """Less the telegrams ``without``; raises :class:`ConfigError`."""
-    absent = overrides.get("without", [])
-    if not isinstance(absent, (list, tuple)):
-        raise ConfigError(f"identity.without: {absent!r} is not a list of telegrams")
     telegrams, supplements = dict(profidrive.telegrams), dict(profidrive.supplements)
-    for one in absent:
-        gone = number(one, "without", _U16)
+    for gone in absent(overrides):
         if telegrams.pop(gone, None) is None and supplements.pop(gone, None) is None:
             raise ConfigError(f"identity.without: {model} has no telegram {gone}")
     if not telegrams:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.axis_slots import axis_shifts, axis_stride, model_slots
 from pnfarm.buses.profinet.config.clock import MAX_WATCHDOG_NS
 from pnfarm.buses.profinet.config.send_clock import Clock, clock_key, clock_of, own_cycle_ns
 from pnfarm.config.ip import check_host
+from pnfarm.drives.description.identity_modules import absent
+from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.controller.plan import MAX_SLOT
 from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.vocabulary.durations import format_duration
@@ -47,16 +50,18 @@ def _check_telegrams(
     at: Location, group: ProfinetDrives, asked: ProfinetDrives | ProfinetAxis, model: ModelFacts, report: Report
 ) -> None:
     """The telegrams that the group, or an axis of it, asks for."""
-    without = group.identity.get("without", ())
-    absent = set(without) if isinstance(without, (list, tuple)) else set()
-    of = f"{model.name} has" if not absent else f"{model.name} under its maker's file has"
+    gone: set[int] = set()
+    # a wrong list is reported with the identity
+    with suppress(ConfigError):
+        gone = set(absent(group.identity))
+    of = f"{model.name} has" if not gone else f"{model.name} under its maker's file has"
     for key, kind, known in (
         ("telegram", "telegram", set(model.telegrams)),
         ("supplementary", "supplementary telegram", set(model.supplements)),
     ):
         wanted = getattr(asked, key)
-        if wanted is not None and wanted not in known - absent:
-            allowed = ", ".join(map(str, sorted(known - absent))) or "none"
+        if wanted is not None and wanted not in known - gone:
+            allowed = ", ".join(map(str, sorted(known - gone))) or "none"
             report((*at, key), f"{of} no {kind} {wanted}", allowed)
 
 
