@@ -102,12 +102,12 @@ class PortSignals:
     def force(self, values: Mapping[str, Value | None]) -> dict[str, str]:
         """Over what is written, until a None releases it; ``*``: None releases all."""
         forced = self._checked({name: value for name, value in values.items() if value is not None}, forces=True)
-        released = [name for name, value in values.items() if value is None]
-        if EVERY in released:
-            released = list(self._forced)
-        for name in released:
+        named = {name for name, value in values.items() if value is None}
+        for name in named - {EVERY}:
             self.signal(name)
-            self._forced.pop(name, None)
+        released = [name for name in self._forced if name in named or EVERY in named]
+        for name in released:
+            del self._forced[name]
         self._forced |= forced
         self._apply([*forced, *released])
         return {}

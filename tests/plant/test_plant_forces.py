@@ -91,3 +91,19 @@ def test_a_moment_has_the_force(line):
     line.restore(before)
     line.run(0.01)
     assert (line.plant.lamp.lit, lamp.owner("on"), line.plant.parts.count) == (False, "plant", 0)
+
+
+def test_a_release_that_names_an_output_leaves_it_as_it_is(line):
+    line.plant.button.press = True
+    line.run(0.01)
+    parts = _of(line, "parts")
+    parts.force({"count": None})
+    assert (parts.get("count"), parts.owner("count")) == (1.0, "plant")
+
+
+def test_a_release_with_an_unknown_name_releases_nothing(line):
+    button = _of(line, "button")
+    button.force({"press": True})
+    with pytest.raises(SignalError, match="nothing: is not a port"):
+        button.force({"press": None, "nothing": None})
+    assert (button.get("press"), button.owner("press")) == (True, "force")
