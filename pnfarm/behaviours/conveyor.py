@@ -15,7 +15,9 @@ PARTS = 64
 #: Where things are in its memory.
 _LENGTH, _PART, _PITCH, _SPEED, _PLACES = 0, 1, 2, 3, 4
 _TRAVEL, _FED, _TAKEN, _BEGUN, _COUNT = 12, 13, 14, 15, 16
-_FIRST = 17
+#: How far the belt has carried the part that came last, which may be gone.
+_LAST = 17
+_FIRST = 18
 #: And its ports.
 _IN_TRAVEL, _IN_RUN, _IN_FEED, _IN_TAKE, _IN_JAM = 0, 1, 2, 3, 4
 _OUT_AT, _OUT_END, _OUT_PARTS, _OUT_FED, _OUT_LEFT, _OUT_FRONT = 5, 13, 14, 15, 16, 17
@@ -40,6 +42,7 @@ def step_conveyor(values: Any, memory: Any, seconds: float) -> None:
     if memory[_BEGUN] == 0.0:
         memory[_BEGUN] = 1.0
         memory[_TRAVEL] = values[_IN_TRAVEL]
+        memory[_LAST] = memory[_PITCH]
     way = values[_IN_TRAVEL] - memory[_TRAVEL]
     memory[_TRAVEL] = values[_IN_TRAVEL]
     if values[_IN_RUN] != 0.0:
@@ -50,20 +53,22 @@ def step_conveyor(values: Any, memory: Any, seconds: float) -> None:
     count = int(memory[_COUNT])
     for i in range(count):
         memory[_FIRST + i] += way
-    feed, take = values[_IN_FEED] != 0.0, values[_IN_TAKE] != 0.0
     pitch = memory[_PITCH]
-    while pitch > 0.0 and way > 0.0 and count < PARTS:
+    # the next one waits at the begin until the belt moves
+    memory[_LAST] = memory[_LAST] + way if memory[_LAST] < pitch else pitch
+    while count > 0 and memory[_FIRST + count - 1] < 0.0:
+        # it comes again where the belt runs forwards again
+        memory[_LAST] += pitch
+        count -= 1
+    feed, take = values[_IN_FEED] != 0.0, values[_IN_TAKE] != 0.0
+    while pitch > 0.0 and way > 0.0 and count < PARTS and memory[_LAST] >= pitch:
         # one behind the other, each so far behind the one before
-        if count == 0:
-            memory[_FIRST] = 0.0
-        elif memory[_FIRST + count - 1] >= pitch:
-            memory[_FIRST + count] = memory[_FIRST + count - 1] - pitch
-        else:
-            break
+        memory[_LAST] -= pitch
+        memory[_FIRST + count] = memory[_LAST]
         count += 1
         values[_OUT_FED] += 1.0
     if feed and memory[_FED] == 0.0 and count < PARTS:
-        memory[_FIRST + count] = 0.0
+        memory[_FIRST + count] = memory[_LAST] = 0.0
         count += 1
         values[_OUT_FED] += 1.0
     memory[_COUNT] = count
@@ -73,8 +78,6 @@ def step_conveyor(values: Any, memory: Any, seconds: float) -> None:
     while memory[_COUNT] > 0.0 and memory[_FIRST] - memory[_PART] > memory[_LENGTH]:
         _remove(memory, 0)
         values[_OUT_LEFT] += 1.0
-    while memory[_COUNT] > 0.0 and memory[_FIRST + int(memory[_COUNT]) - 1] < 0.0:
-        memory[_COUNT] -= 1.0
     memory[_FED] = 1.0 if feed else 0.0
     memory[_TAKEN] = 1.0 if take else 0.0
     count = int(memory[_COUNT])
@@ -119,7 +122,7 @@ CONVEYOR = Behaviour(
             for i in range(1, SENSORS + 1)
         ),
     ),
-    state=5 + PARTS,
+    state=6 + PARTS,
     counts={4: PARTS},
     step=step_conveyor,
 )

@@ -206,6 +206,44 @@ def test_parts_of_a_pitch_follow_each_other_without_drift():
     assert bench["belt.parts"] == pytest.approx(11, abs=1)
 
 
+def test_parts_of_a_pitch_follow_each_other_also_where_the_belt_is_empty_between_them():
+    bench = PlantBench({"name": "belt", "kind": "conveyor", "length": 100, "part": 10, "pitch": 500, "speed": 250})
+    bench["belt.run"] = True
+    bench.run(100.0)
+    assert bench["belt.fed"] == 50
+
+
+def test_a_part_that_is_taken_away_changes_nothing_for_the_next_one():
+    bench = PlantBench({"name": "belt", "kind": "conveyor", "length": 1000, "part": 10, "pitch": 200})
+    found = []
+    for place in (0.0, 0.1, 150.1, 199.1, 200.1, 230.1):
+        bench["belt.travel"] = place
+        bench["belt.take"] = place == 150.1
+        bench.step()
+        found.append((bench["belt.fed"], round(bench["belt.front"], 6)))
+    assert found == [(0, 0), (1, 0), (1, 0), (1, 0), (2, 0), (2, 30)]
+
+
+def test_a_belt_that_went_backwards_and_comes_again_has_its_parts_where_they_were():
+    bench = PlantBench({"name": "belt", "kind": "conveyor", "length": 1000, "part": 10, "pitch": 100})
+    for place, parts, front in ((0.0, 0, 0), (1e-9, 1, 0), (150.0, 2, 150), (30.0, 1, 30), (-40, 0, 0), (75.0, 1, 75)):
+        bench["belt.travel"] = place
+        bench.step()
+        assert (bench["belt.parts"], round(bench["belt.front"], 6)) == (parts, front), place
+
+
+def test_a_part_fed_onto_a_belt_that_runs_backwards_is_the_only_one_there():
+    bench = PlantBench({"name": "belt", "kind": "conveyor", "length": 1000, "part": 10})
+    bench["belt.feed"] = True
+    bench.step()
+    bench["belt.feed"] = False
+    bench.step()
+    bench["belt.feed"] = True
+    bench["belt.travel"] = -1.0
+    bench.step()
+    assert (bench["belt.parts"], bench["belt.front"]) == (1, 0.0)
+
+
 def test_a_jam_holds_the_parts_and_a_belt_backwards_loses_them():
     bench = PlantBench({"name": "belt", "kind": "conveyor", "length": 1000, "part": 50})
     bench["belt.feed"] = True
