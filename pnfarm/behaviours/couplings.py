@@ -66,7 +66,7 @@ def _with_backlash(stiffness: float, gap: float, twist: float, speed: float, mas
         after = _spring(following, gap)
         way = following - twist
         if abs(way) > 1e-12:
-            torque = 0.5 * stiffness * (after * after - wound * wound) / way
+            torque = 0.5 * stiffness * (after + wound) * ((after - wound) / way)
         else:
             torque = stiffness * 0.5 * (wound + after)
         following = twist + step * (speed - 0.5 * step * torque / mass)

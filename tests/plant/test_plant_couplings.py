@@ -131,6 +131,18 @@ def test_backlash_leaves_the_shaft_free_between_its_stops():
         assert shaft.speed != 0.0
 
 
+def test_a_twist_beyond_all_machines_leaves_a_shaft_that_still_turns_behind_backlash():
+    model = "{name: m, kind: elastic-load, axis: x1, stiffness: 30, inertia: 1.0e-4, backlash: 1}"
+    with _line(model) as line:
+        shaft = Shaft(line, 0)
+        line.run(0.01)
+        for offset in (1e200, -1e200, 0.0):
+            line.plant.m.offset = offset
+            line.run(0.05)
+            assert math.isfinite(shaft.angle)
+            assert math.isfinite(float(line.plant.m.position))
+
+
 @settings(max_examples=10, deadline=None)
 @given(
     stiffness=st.floats(1e-3, 1e3),
