@@ -8,6 +8,7 @@ connection, registrations as a discovery server, intervals and what one request 
 from __future__ import annotations
 
 import asyncio
+import secrets
 from typing import TYPE_CHECKING, Any
 
 from asyncua import ua
@@ -82,6 +83,8 @@ class BoundedInternalServer(InternalServer):
             await session.close_session()
 
     def register_external_session(self, session: InternalSession) -> None:
+        # who knows it may go on with the session on another connection
+        session.auth_token = ua.NodeId(secrets.token_bytes(32))
         super().register_external_session(session)
         self._sessions.add(session)
 

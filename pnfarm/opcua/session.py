@@ -12,7 +12,7 @@ from pnfarm.opcua.limits import LONGEST_MS, MOST_ITEMS, MOST_OPERATIONS, MOST_QU
 
 if TYPE_CHECKING:
     import asyncio
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from pnfarm.opcua.access import Access
     from pnfarm.opcua.carrier import Carrier
@@ -111,6 +111,7 @@ class FarmSession(InternalSession):
         return await super().create_subscription(params, *args, **kwargs)
 
     async def create_monitored_items(self, params: ua.CreateMonitoredItemsParameters) -> list[Any]:
+        params.SubscriptionId = self._own(params.SubscriptionId)
         items = _few(params.ItemsToCreate)
         nodes = [item.ItemToMonitor.NodeId for item in items]
         await self.nodes.prepare(nodes)
@@ -134,12 +135,52 @@ class FarmSession(InternalSession):
         return results
 
     async def modify_monitored_items(self, params: ua.ModifyMonitoredItemsParameters) -> Any:
+        params.SubscriptionId = self._own(params.SubscriptionId)
         for item in _few(params.ItemsToModify):
             wanted = item.RequestedParameters
             wanted.QueueSize = min(wanted.QueueSize or 1, MOST_QUEUED)
             if _has_deadband(wanted.Filter):
                 raise ServiceError(ua.StatusCodes.BadMonitoredItemFilterUnsupported)
         return await super().modify_monitored_items(params)
+
+    async def set_monitoring_mode(self, params: ua.SetMonitoringModeParameters) -> Any:
+        params.SubscriptionId = self._own(params.SubscriptionId)
+        return await super().set_monitoring_mode(params)
+
+    async def delete_monitored_items(self, params: ua.DeleteMonitoredItemsParameters) -> Any:
+        params.SubscriptionId = self._own(params.SubscriptionId)
+        return await super().delete_monitored_items(params)
+
+    def modify_subscription(self, params: ua.ModifySubscriptionParameters) -> Any:
+        params.SubscriptionId = self._own(params.SubscriptionId)
+        return super().modify_subscription(params)
+
+    async def set_publishing_mode(self, params: ua.SetPublishingModeParameters) -> Any:
+        params.SubscriptionIds = [self._own(one) for one in params.SubscriptionIds]
+        return await super().set_publishing_mode(params)
+
+    async def delete_subscriptions(self, ids: list[int]) -> Any:
+        return await super().delete_subscriptions([self._own(one) for one in ids])
+
+    def publish(self, acks: Iterable[Any] | None = None) -> Any:
+        acks = [*(acks or ())]
+        for ack in acks:
+            ack.SubscriptionId = self._own(ack.SubscriptionId)
+        return super().publish(acks)
+
+    def republish(self, params: ua.RepublishParameters) -> Any:
+        params.SubscriptionId = self._own(params.SubscriptionId)
+        return super().republish(params)
+
+    async def transfer_subscriptions(self, params: Any, callback: Any) -> Any:
+        """A client that has lost its session subscribes again."""
+        del params, callback
+        raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
+
+    def _own(self, number: int) -> int:
+        """A subscription's number, or that of none for one of another session."""
+        found = self.subscription_service.subscriptions.get(number)
+        return number if found is not None and found.session_id == self.session_id else 0
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
         """The farm has no methods."""

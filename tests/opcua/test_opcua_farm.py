@@ -271,6 +271,45 @@ async def test_a_drive_without_power_has_bad_values(farm):
 
 
 @pytest.mark.asyncio
+async def test_nobody_guesses_the_session_of_another_client(farm):
+    async with client_of(farm, USER) as writer:
+        stranger = Client(farm.url)
+        await stranger.connect_socket()
+        await stranger.send_hello()
+        await stranger.open_secure_channel()
+        for number in range(1000, 1100):
+            stranger.uaclient.session.restore_authentication_token(ua.NodeId(number))
+            with pytest.raises(UaStatusCodeError):
+                await stranger.activate_session()
+        assert await write_status(writer, "island-1.part_present", False) == "Good"
+        stranger.disconnect_socket()
+
+
+@pytest.mark.asyncio
+async def test_a_subscription_is_its_own_client_s_alone(farm):
+    async with client_of(farm) as client, client_of(farm) as other:
+        seen = Notified()
+        subscription = await client.create_subscription(20, seen)
+        await subscription.subscribe_data_change(node(client, "axis-01.cycle"))
+        await until(lambda: _counted(seen), 1)
+        number = subscription.subscription_id
+        (status,) = await other.uaclient.delete_subscriptions([number])
+        assert status.name == "BadSubscriptionIdInvalid"
+        with pytest.raises(UaStatusCodeError, match="BadServiceUnsupported|not support"):
+            await other.uaclient.transfer_subscriptions(ua.TransferSubscriptionsParameters(SubscriptionIds=[number]))
+        theirs = await other.create_subscription(20, Notified())
+        theirs.subscription_id = number
+        with pytest.raises(UaStatusCodeError):
+            await theirs.subscribe_data_change(node(other, "axis-01.position"))
+        await subscription.subscribe_data_change(node(client, "axis-01.powered"))
+        await until(lambda: _counted(seen), 2)
+
+
+async def _counted(seen):
+    return len(seen.values)
+
+
+@pytest.mark.asyncio
 async def test_a_client_that_asks_for_too_much_is_refused(farm):
     async with client_of(farm) as client:
         wanted = [node(client, "axis-01.velocity")] * (limits.MOST_OPERATIONS + 1)
