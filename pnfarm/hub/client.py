@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
@@ -47,13 +48,30 @@ class Answer:
 
     def object(self) -> dict[str, Any]:
         """The JSON object of the body.  Raises :class:`ValueError`."""
-        try:
-            found = json.loads(self.body)
-        except RecursionError as exc:
-            raise ValueError("it is nested too deeply") from exc
+        found = _parsed(self.body)
         if not isinstance(found, dict):
             raise ValueError("it is not a JSON object")  # noqa: TRY004 - it is the answer that is wrong
         return found
+
+
+def _plain(header: str | None) -> str | None:
+    """A header that can be passed on, else None."""
+    return header if header is not None and header.isascii() else None
+
+
+def _finite(text: str) -> float:
+    found = float(text)
+    if not math.isfinite(found):
+        raise ValueError(f"it has {text[:20]}, which is no number of JSON")
+    return found
+
+
+def _parsed(octets: bytes) -> Any:
+    """JSON, which others can be made of again.  Raises :class:`ValueError`."""
+    try:
+        return json.loads(octets, parse_float=_finite, parse_constant=_finite)
+    except RecursionError as exc:
+        raise ValueError("it is nested too deeply") from exc
 
 
 class ShardClient:
@@ -129,8 +147,8 @@ class ShardClient:
             octets += chunk
             if len(octets) > MOST_OCTETS:
                 raise AwayError(f"{self._label} answers with more than {MOST_OCTETS} octets", slug="flood")
-        media_type = response.headers.get("content-type", "")
-        return Answer(response.status_code, bytes(octets), media_type, response.headers.get("etag"))
+        media_type, tag = (_plain(response.headers.get(key)) for key in ("content-type", "etag"))
+        return Answer(response.status_code, bytes(octets), media_type or "", tag)
 
     def _failed(self, exc: httpx.HTTPError) -> AwayError:
         if isinstance(exc, httpx.TimeoutException):
@@ -188,10 +206,6 @@ async def _messages(response: httpx.Response) -> AsyncIterator[tuple[str, dict[s
             elif line.startswith(b"data:"):
                 data = line[5:].strip()
             elif not line and data:
-                try:
-                    found = json.loads(data)
-                except RecursionError as exc:
-                    raise ValueError("a message that is nested too deeply") from exc
-                if isinstance(found, dict):
+                if isinstance(found := _parsed(data), dict):
                     yield event, found
                 event, data = "message", b""

@@ -23,7 +23,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.events import StateRestored
 from pnfarm.hub.client import REQUEST_SECONDS, Answer, ShardClient
 from pnfarm.hub.log import MergedLog
-from pnfarm.hub.shards import AwayError, Shard, Shards
+from pnfarm.hub.shards import AwayError, Shard, Shards, understood
 from pnfarm.hub.states import ShardEvent
 from pnfarm.station.event import texts_of
 from pnfarm.station.events import PowerReturned, StationRenamed
@@ -47,6 +47,8 @@ PROBE_SECONDS = 1.0
 MOST_SPECS = 4096
 #: What the end of the hub waits for scenarios that undo what they changed.
 UNDO_SECONDS = 3.0
+#: Beyond it the number of an entry has no place in a position (:mod:`pnfarm.api.events`).
+MOST_NUMBER = 10**15
 #: Probes at the first meeting, for a good offset at once.
 FIRST_PROBES = 4
 
@@ -70,15 +72,12 @@ def refusal(answer: Answer) -> str:
 
 def read(shard: Shard, answer: Answer, *keys: str) -> dict[str, Any]:
     """A good answer's object, which has these members; raises :class:`AwayError` for anything else."""
-    try:
+    with understood(shard):
         found = answer.object()
-    except ValueError as exc:
-        raise AwayError(f"{shard.label} does not answer as a farm does: {exc}", slug="garbage") from exc
     if not answer.good:
         raise AwayError(f"{shard.label} refuses: {refusal(answer)[:300]}", slug="refusal")
-    if missing := [key for key in keys if key not in found]:
-        raise AwayError(f"{shard.label} does not answer as a farm does: {missing[0]} is missing", slug="garbage")
-    return found
+    with understood(shard):
+        return {**found, **{key: found[key] for key in keys}}
 
 
 def passed_on(answer: Answer) -> Response:
@@ -239,11 +238,13 @@ class Hub(Context):
             {one: good[one] for one in wanted if one in good}, {one: away[one] for one in wanted if one in away}
         )
 
-    async def ask_all(self, method: str, path: str, *keys: str) -> Answers[dict[str, Any]]:
-        """An object with these ``keys`` of every shard."""
+    async def ask_all(self, method: str, path: str, use: Callable[[Shard, dict[str, Any]], _T]) -> Answers[_T]:
+        """What ``use`` makes of the answer of every shard; one whose answer it cannot use is away."""
 
-        async def one(shard: Shard) -> dict[str, Any]:
-            return read(shard, await self.ask(shard, method, path), *keys)
+        async def one(shard: Shard) -> _T:
+            found = read(shard, await self.ask(shard, method, path))
+            with understood(shard):
+                return use(shard, found)
 
         return await self.each(self.shards, one)
 
@@ -301,15 +302,12 @@ class Hub(Context):
         # a name that is set meanwhile may be missed
         shard.may_be_renamed = False
         try:
-            view = read(shard, await client.ask("GET", f"{PREFIX}/drives"), "drives", "engine", "lines", "link")
+            view = read(shard, await client.ask("GET", f"{PREFIX}/drives"))
             devices = read(shard, await client.ask("GET", f"{PREFIX}/devices"), "devices")
             plant = await client.ask("GET", f"{PREFIX}/plant")
             # a farm of an older version has none
             models = [] if plant.status == HTTPStatus.NOT_FOUND else read(shard, plant, "models")["models"]
-            try:
-                self.shards.take(shard, view, devices["devices"], models)
-            except (KeyError, TypeError) as exc:
-                raise AwayError(f"{shard.label} lists drives or devices as no farm does", slug="garbage") from exc
+            self.shards.take(shard, view, devices["devices"], models)
         except AwayError:
             shard.may_be_renamed = True
             raise
@@ -345,15 +343,16 @@ class Hub(Context):
         """A message of a shard's event stream.  Raises :class:`AwayError` for one that no farm sends."""
         if "lost" in entry and "sequence" not in entry:
             return
-        try:
-            number = int(entry["sequence"])
-            moved = self.entry(shard, entry)
-            str(entry["drive"] + entry["event"])
-        except (KeyError, TypeError, ValueError, OverflowError) as exc:
-            raise AwayError(f"{shard.label} sends entries that no farm has", slug="garbage") from exc
+        with understood(shard, "sends no entries"):
+            number, moved = int(entry["sequence"]), self.entry(shard, entry)
+            "".join((entry["drive"], entry["event"]))
+            if not 0 < number < MOST_NUMBER:
+                raise ValueError(f"the sequence number {number}")
         if moved["event"] in _renaming() or (
             # without its supply it forgets a name that was set until then
             moved["event"] == PowerReturned.TEXT and not shard.has_own_name(moved["drive"])
         ):
             shard.may_be_renamed = True
-        self.log.take(shard.instance, number, round(moved["farm_seconds"] * 1e9), moved)
+        # one of a time to come would hold up all behind it
+        at_ns = min(round(moved["farm_seconds"] * 1e9), self.now())
+        self.log.take(shard.instance, number, at_ns, moved)

@@ -1,5 +1,7 @@
 """Answers of several shards as one: plain values in, plain values out.
 
+Whoever asks tries it with each shard's answer alone: what can be joined alone can be joined with others.
+
 Seconds of a farm's clock become seconds of the hub's (``to_hub``), so that those of several shards can be compared.
 """
 
@@ -11,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.api.schemas.farm import Engine
 from pnfarm.farm.views.readiness import joined_controllers
 from pnfarm.faults.effects.evidence import NOTHING, Evidence
-from pnfarm.hub.shards import AwayError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,6 +32,8 @@ __all__ = [
 #: Faults with one id on two shards are one if they were added within this time of each other, s.
 ONE_FAULT_SECONDS = 15.0
 _ENGINE = tuple(Engine.model_fields)
+#: That of a fault is the first of those that it has on its drives.
+_STATES = ("active", "waiting", "ended")
 
 
 def joined_engine(engines: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
@@ -45,18 +48,12 @@ def joined_engine(engines: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def with_fault_ids(shard: Shard, view: Mapping[str, Any]) -> dict[str, Any]:
-    """A drive or a device as a shard shows it, with its faults as the hub calls them.
-
-    Raises :class:`AwayError` for what no farm shows.
-    """
-    found = dict(view)
-    try:
-        if "faults_injected" in view:
-            found["faults_injected"] = [shard.fault_id(one) for one in view["faults_injected"]]
-        if "injected" in view:
-            found["injected"] = [{**one, "id": shard.fault_id(one["id"])} for one in view["injected"]]
-    except (KeyError, TypeError) as exc:
-        raise AwayError(f"{shard.label} shows faults as no farm does", slug="garbage") from exc
+    """A drive or a device as a shard shows it, with its faults as the hub calls them."""
+    found = {**view}
+    if "faults_injected" in view:
+        found["faults_injected"] = [shard.fault_id(one) for one in view["faults_injected"]]
+    if "injected" in view:
+        found["injected"] = [{**one, "id": shard.fault_id(one["id"])} for one in view["injected"]]
     return found
 
 
@@ -118,7 +115,7 @@ def joined_fault(
     return {
         "id": first["id"],
         "kind": first["kind"],
-        "state": next(state for state in ("active", "waiting", "ended") if state in states),
+        "state": min(states, key=_STATES.index),
         "spec": dict(spec) if spec is not None else {**first["spec"], "on": names},
         "added_seconds": min(part["added_seconds"] for part, _ in of_one),
         "expires_seconds": min(expires, default=None),
@@ -134,12 +131,12 @@ def joined_health(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     for part in parts:
         for bucket in part["lateness"]:
             bounds[bucket["up_to_seconds"]] = bounds.get(bucket["up_to_seconds"], 0) + bucket["count"]
-    order = sorted(bounds, key=lambda bound: float("inf") if bound is None else bound)
+    order = sorted(bounds, key=lambda bound: float("inf") if bound is None else float(bound))
     ticks = [sum(bucket["count"] for bucket in part["lateness"]) for part in parts]
     mean = sum(part["lateness_mean_seconds"] * n for part, n in zip(parts, ticks, strict=True)) / max(1, sum(ticks))
     worst = {
         # a farm of an older version has not all of them
-        key: max((part.get(key, 0.0) for part in parts), default=0.0)
+        key: max((float(part.get(key, 0.0)) for part in parts), default=0.0)
         for key in ("engine_late_seconds", "loop_late_seconds", "lines_late_seconds", "stolen_seconds")
     }
     return {
@@ -147,7 +144,7 @@ def joined_health(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "lateness": [{"up_to_seconds": bound, "count": bounds[bound]} for bound in order],
         "lateness_measured": any(part["lateness_measured"] for part in parts),
         "lateness_mean_seconds": mean,
-        "last_seconds": max((part["last_seconds"] for part in parts), default=0.0),
+        "last_seconds": max((float(part["last_seconds"]) for part in parts), default=0.0),
         **worst,
     }
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from pnfarm.farm.views.overview import LARGEST, VALUES
 from pnfarm.hub.merging import joined_engine
-from pnfarm.hub.shards import AwayError
+from pnfarm.hub.shards import understood
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -98,7 +98,7 @@ class HubOverview:
             return
         names = tuple(shard.drives)
         version = self.version + 1
-        try:
+        with understood(shard, "sends no overview"):
             for key, (places, values) in (message.get("values") or {}).items():
                 if key not in self._values:
                     continue
@@ -112,11 +112,10 @@ class HubOverview:
                 injected = [[shard.fault_id(fault), kind] for fault, kind in row.get("injected", ())]
                 self._rows[here] = {**row, "injected": injected, "shard": shard.label, "unreachable": None}
                 self._row_changed[here] = version
-            if isinstance(engine := message.get("engine"), dict):
+            if (engine := message.get("engine")) is not None:
+                joined_engine([engine])
                 self._engines[shard] = engine
                 self._engine_changed = version
-        except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as exc:
-            raise AwayError(f"{shard.label} sends an overview that no farm has", slug="garbage") from exc
         self.version = version
         self._texts.clear()
 

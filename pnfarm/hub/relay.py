@@ -17,7 +17,7 @@ from pnfarm.api.messages import message
 from pnfarm.api.paths.streams import ALL
 from pnfarm.errors import ConfigError
 from pnfarm.hub.merging import with_fault_ids
-from pnfarm.hub.shards import AwayError
+from pnfarm.hub.shards import AwayError, understood
 from pnfarm.web.bodies import PREFIX
 
 if TYPE_CHECKING:
@@ -107,22 +107,19 @@ class Relay:
         """The messages of a shard's stream, until it ends or breaks."""
         try:
             async for event, data in self._hub.client(shard).stream(f"{PREFIX}/live", query=query):
-                if event in {"drive", "signals"}:
-                    self._messages.append(message(event, with_fault_ids(shard, data) if event == "drive" else data))
-                elif event == "values":
-                    self._take_values(shard, data)
+                with understood(shard, "streams nothing"):
+                    if event in {"drive", "signals"}:
+                        self._messages.append(message(event, with_fault_ids(shard, data) if event == "drive" else data))
+                    elif event == "values":
+                        self._take_values(shard, data)
         except AwayError as exc:
             shard.errors[exc.slug] += 1
 
     def _take_values(self, shard: Shard, data: Mapping[str, Any]) -> None:
-        """Raises :class:`AwayError` for a message that no farm sends."""
-        try:
-            device, states = data["device"], {state["name"]: state for state in data["signals"]}
-            if device not in shard.devices and device not in shard.models:
-                raise ValueError(device)
-            signals = {**self._values.get(device, ({}, {}))[1], **states}
-            if len(signals) > MOST_SIGNALS:
-                raise ValueError(len(signals))
-            self._values[device] = {"revision": int(data["revision"]), "tag": str(data["tag"])}, signals
-        except (KeyError, TypeError, ValueError, OverflowError) as exc:
-            raise AwayError(f"{shard.label} sends values that no farm has", slug="garbage") from exc
+        device, states = data["device"], {state["name"]: state for state in data["signals"]}
+        if device not in shard.devices and device not in shard.models:
+            raise ValueError(f"values of {device}, which it has not")
+        signals = {**self._values.get(device, ({}, {}))[1], **states}
+        if len(signals) > MOST_SIGNALS:
+            raise ValueError(f"{len(signals)} signals of {device}")
+        self._values[device] = {"revision": int(data["revision"]), "tag": str(data["tag"])}, signals

@@ -25,7 +25,7 @@ from pnfarm.hub.hosts.devices import HubDevices
 from pnfarm.hub.hosts.drives import HubDrives
 from pnfarm.hub.hosts.states import HubStates
 from pnfarm.hub.hub import read, refusal
-from pnfarm.hub.shards import AwayError
+from pnfarm.hub.shards import AwayError, understood
 from pnfarm.scenario.definition.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.scenario.flow import EndedError, Flow, Life
 from pnfarm.scenario.measures import measured, reading_of, show_comparison
@@ -89,16 +89,26 @@ class _Injected:
         return self.fault
 
 
-def _was_late(record: Mapping[str, Any]) -> bool:
-    """Whether a shard was later than its budget, or was lost."""
-    found = record["lateness"]
-    return found is None or bool(found["farm_late_seconds"] > found["farm_budget_seconds"])
+def _used(record: Mapping[str, Any]) -> dict[str, Any]:
+    """What is used of a shard's record, with the types that are used; ``late``: whether the shard was itself late."""
+    lateness = record["lateness"]
+    late = lateness is None or float(lateness["farm_late_seconds"]) > float(lateness["farm_budget_seconds"])
+    return {"verdict": str(record["verdict"]), "cases": [_case(one) for one in record["cases"]], "late": late}
 
 
-def _verdict(case: Mapping[str, Any]) -> Verdict:
-    """Of a shard's case; what did not run was cut short there, and nothing is known of it."""
-    found = Verdict(case["verdict"])
-    return Verdict.INCONCLUSIVE if found is Verdict.NOT_RUN else found
+def _case(case: Mapping[str, Any]) -> dict[str, Any]:
+    verdict, late = Verdict(case["verdict"]), case["farm_late_seconds"]
+    return {
+        # what did not run was cut short there, and nothing is known of it
+        "verdict": Verdict.INCONCLUSIVE if verdict is Verdict.NOT_RUN else verdict,
+        "message": str(case["message"]),
+        "measured": str(case["measured"]),
+        "drives": [str(name) for name in case["drives"]],
+        "held_after_seconds": {name: float(seconds) for name, seconds in case["held_after_seconds"].items()},
+        "values": {name: {**values} for name, values in case["values"].items()},
+        "shown": {name: {**texts} for name, texts in case["shown"].items()},
+        "farm_late_seconds": None if late is None else float(late),
+    }
 
 
 def _of_all(step: Step) -> bool:
@@ -327,7 +337,7 @@ class HubRun(Flow):
         found = list(answers.good.values())
         for shard, why in answers.away.items():
             drives = parts.get(shard, [])
-            found.append({"verdict": "lost", "cases": [], "lost": str(why), "drives": drives, "lateness": None})
+            found.append({"verdict": "lost", "cases": [], "lost": str(why), "drives": drives, "late": True})
         return found
 
     async def _part(self, shard: Shard, step: Mapping[str, Any], length_ns: int) -> dict[str, Any]:
@@ -338,7 +348,7 @@ class HubRun(Flow):
         limit = {} if budget is None else {"budget": format_duration(budget)}
         body = {"text": json.dumps({"scenario": "part", **limit, "steps": [step]}), "part": True}
         begun = read(shard, await hub.ask(shard, "POST", "scenarios", body=body), "id")
-        path = f"scenarios/{begun['id']}"
+        path = f"scenarios/{quote(str(begun['id']), safe='')}"
         start = answered = hub.now()
         try:
             while True:
@@ -346,9 +356,12 @@ class HubRun(Flow):
                     found = read(shard, await hub.ask(shard, "GET", path, query={"cases_from": 0}), "state")
                     answered = hub.now()
                     if found["state"] == "ended":
-                        return read(shard, await hub.ask(shard, "GET", path), "verdict", "cases", "lateness")
-                except AwayError:
-                    if hub.now() - answered > LOST_SECONDS * 1e9:
+                        record = read(shard, await hub.ask(shard, "GET", path))
+                        with understood(shard):
+                            return _used(record)
+                except AwayError as exc:
+                    # what no farm answers gets no better
+                    if exc.slug == "garbage" or hub.now() - answered > LOST_SECONDS * 1e9:
                         raise
                 passed = hub.now() - start
                 if passed > length_ns + LOST_SECONDS * 1e9:
@@ -381,9 +394,9 @@ class HubRun(Flow):
         """One case of the shards' cases: the worst verdict decides; returns its message."""
         cases = [case for one in records for case in one["cases"]]
         lost = [one for one in records if one["verdict"] == "lost"]
-        verdicts = {_verdict(case) for case in cases} | ({Verdict.INCONCLUSIVE} if lost else set())
+        verdicts = {case["verdict"] for case in cases} | ({Verdict.INCONCLUSIVE} if lost else set())
         verdict = next((one for one in _WORST if one in verdicts), Verdict.INCONCLUSIVE)
-        told = [case for case in cases if _verdict(case) is verdict]
+        told = [case for case in cases if case["verdict"] is verdict]
         if verdict is Verdict.PASSED:
             # the slowest one decides
             told = sorted(told, key=lambda case: -max(case["held_after_seconds"].values(), default=0.0))[:1]
@@ -420,7 +433,8 @@ class HubRun(Flow):
                 raise AwayError(f"{shard.label} has no metrics: status {answer.status}", slug="refusal")
             text = answer.body.decode("utf-8", "replace")
             # a thousand drives have megabytes
-            part = await anyio.to_thread.run_sync(lambda: reading_of(text_string_to_metric_families(text), metric))
+            with understood(shard):
+                part = await anyio.to_thread.run_sync(lambda: reading_of(text_string_to_metric_families(text), metric))
             for key, value in part.items():
                 found[key] = found.get(key, 0.0) + value
 
@@ -444,7 +458,7 @@ class HubRun(Flow):
         message = f"{asked} {shown}, wanted {wanted}"
         verdict = Verdict.PASSED if bound.holds(value) else Verdict.FAILED
         named = [metric.labels["drive"]] if "drive" in metric.labels else list(self.binding.drives)
-        if verdict is Verdict.FAILED and any(map(_was_late, records)):
+        if verdict is Verdict.FAILED and any(one["late"] for one in records):
             verdict = Verdict.INCONCLUSIVE
             message += "; a shard was itself late, or lost"
         elif verdict is Verdict.FAILED and (lost := [name for name in named if self._is_own_loss(name, begin)]):

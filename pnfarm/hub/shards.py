@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,9 +17,9 @@ from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.web.errors import NotFoundError, RequestError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
-__all__ = ["KEEP_NS", "MOST_SHARDS", "OWN_FAULT", "AwayError", "Shard", "Shards", "no_steps"]
+__all__ = ["KEEP_NS", "MOST_SHARDS", "OWN_FAULT", "AwayError", "Shard", "Shards", "no_steps", "understood"]
 
 #: How long a shard that left DNS and does not answer is shown as unreachable.
 KEEP_NS = 600_000_000_000
@@ -26,6 +27,8 @@ KEEP_NS = 600_000_000_000
 MOST_SHARDS = 256
 #: Ids of faults that a farm makes up itself.
 OWN_FAULT = re.compile(r"fault-[0-9]+")
+#: What a line is called, and where it is.
+_LINE = ("name", "way", "where")
 
 
 class AwayError(EnvironmentError_):
@@ -100,6 +103,17 @@ class Shard:
     def told(self) -> dict[str, Any]:
         """An entry of ``unreachable``."""
         return {"shard": self.label, "reason": self.reason, "since": self.since_wall}
+
+
+@contextmanager
+def understood(shard: Shard, what: str = "does not answer") -> Iterator[None]:
+    """What a shard sent is used here: raises :class:`AwayError` where it is not as a farm's."""
+    try:
+        yield
+    except KeyError as exc:
+        raise AwayError(f"{shard.label} {what} as a farm does: {exc.args[0]} is missing", slug="garbage") from exc
+    except (TypeError, ValueError, AttributeError, IndexError, OverflowError) as exc:
+        raise AwayError(f"{shard.label} {what} as a farm does: {str(exc)[:200]}", slug="garbage") from exc
 
 
 class KnownDrive(NamedTuple):
@@ -202,16 +216,23 @@ class Shards:
         devices: Iterable[Mapping[str, Any]] | None = None,
         models: Iterable[Mapping[str, Any]] = (),
     ) -> None:
-        """Its answer to ``GET drives``, and where it was asked for them its ``devices`` and ``models`` of the plant."""
-        drives = {str(one["name"]): one for one in view["drives"]}
+        """Its answer to ``GET drives``, and where it was asked for them its ``devices`` and ``models`` of the plant.
+
+        Raises :class:`AwayError`, with nothing taken, for what no farm answers.
+        """
+        with understood(shard):
+            drives = {str(one["name"]): {**one, "model": str(one["model"])} for one in view["drives"]}
+            rest = {key: value for key, value in view.items() if key != "drives"}
+            lines = [{**line, **{key: str(line[key]) for key in _LINE}} for line in view["lines"]]
+            rows = {str(one["name"]): one for one in devices or ()}
+            kinds = {str(one["name"]): str(one["kind"]) for one in models}
+            meant = {name: tuple(map(str, one["models"])) for name, one in rows.items()}
+            names = {name: str(one.get("station_name", name)) for name, one in rows.items()}
         same = devices is None and drives.keys() == shard.drives.keys()
         if devices is not None:
-            rows = {str(one["name"]): one for one in devices}
-            shard.models = {str(one["name"]): str(one["kind"]) for one in models}
-            shard.devices = {name: tuple(one["models"]) for name, one in rows.items()}
-            shard.device_names = {name: str(one.get("station_name", name)) for name, one in rows.items()}
+            shard.models, shard.devices, shard.device_names = kinds, meant, names
         shard.drives = drives
-        shard.view = {key: value for key, value in view.items() if key != "drives"}
+        shard.view = {**rest, "lines": lines}
         if not same:
             self._index()
 

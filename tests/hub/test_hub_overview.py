@@ -17,7 +17,7 @@ from pnfarm.hub.states import ShardEvent
 def up(shards, url, *names):
     shard = shards.give(url)
     shards.note(shard, ShardEvent.ANSWERED, "", 0, 0.0)
-    shards.take(shard, {"drives": [{"name": name, "model": "akd-profinet"} for name in names]})
+    shards.take(shard, {"drives": [{"name": name, "model": "akd-profinet"} for name in names], "lines": []})
     return shard
 
 

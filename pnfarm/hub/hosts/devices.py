@@ -13,6 +13,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.hub.hosts.passing import Passing
 from pnfarm.hub.hub import read, refusal
 from pnfarm.hub.merging import with_fault_ids
+from pnfarm.hub.shards import understood
 from pnfarm.web.paths import Paths
 
 if TYPE_CHECKING:
@@ -36,12 +37,12 @@ class HubDevices(Passing):
         return await self._joined("devices")
 
     async def _joined(self, what: str) -> dict[str, Any]:
-        answers = await self._hub.ask_all("GET", what, what)
-        found = [
-            {**with_fault_ids(shard, one), "shard": shard.label}
-            for shard, answer in answers.good.items()
-            for one in answer[what]
-        ]
+        answers = await self._hub.ask_all(
+            "GET",
+            what,
+            lambda shard, answer: [{**with_fault_ids(shard, one), "shard": shard.label} for one in answer[what]],
+        )
+        found = [one for stations in answers.good.values() for one in stations]
         return {what: found, **self._hub.partial(answers)}
 
     def add_device(self, app: FastAPI) -> None:
@@ -62,4 +63,6 @@ class HubDevices(Passing):
         answer = await self._hub.ask(shard, "PATCH", path, body=values, query={"as": how})
         if answer.status == HTTPStatus.UNPROCESSABLE_ENTITY:
             raise ConfigError(f"{name}: {refusal(answer)}")
-        return dict(read(shard, answer, "overruled")["overruled"])
+        overruled = read(shard, answer, "overruled")["overruled"]
+        with understood(shard):
+            return dict(overruled)

@@ -9,7 +9,6 @@ from fastapi import FastAPI
 from pnfarm.api.app import add_one_drive
 from pnfarm.hub.hosts.passing import Passing
 from pnfarm.hub.merging import joined_engine, unreachable_drive, with_fault_ids
-from pnfarm.hub.shards import AwayError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,13 +28,7 @@ class HubDrives(Passing):
     async def listed(self) -> dict[str, Any]:
         """``GET drives`` of all shards; drives of those that are away as they were seen last."""
         hub = self._hub
-        answers = await hub.ask_all("GET", "drives", "drives", "engine", "lines", "link")
-        for shard, answer in list(answers.good.items()):
-            try:
-                hub.shards.take(shard, answer)
-            except (KeyError, TypeError):
-                del answers.good[shard]
-                answers.away[shard] = AwayError(f"{shard.label} lists drives as no farm does", slug="garbage")
+        answers = await hub.ask_all("GET", "drives", self._take)
         partial = hub.partial(answers)
         missing, fresh = hub.missing(answers), answers.good
         conflicts = hub.shards.conflicts()
@@ -68,6 +61,14 @@ class HubDrives(Passing):
             "drives": drives,
             **partial,
         }
+
+    def _take(self, shard: Shard, answer: dict[str, Any]) -> None:
+        # what is put together below
+        joined_engine([answer["engine"]])
+        str(answer["link"])
+        for drive in answer["drives"]:
+            with_fault_ids(shard, drive)
+        self._hub.shards.take(shard, answer)
 
     def add_drive(self, app: FastAPI) -> None:
         """What is below a drive."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
 
-from pnfarm.api.paths.farm import Health, clock_of
+from pnfarm.api.paths.farm import clock_of
 from pnfarm.hub.merging import joined_health, joined_readiness
 from pnfarm.hub.metrics import HubCollector
 from pnfarm.hub.shards import AwayError
@@ -40,22 +40,24 @@ class HubItself:
             raise AwayError(f"{len(hub.shards) - len(away)} of {len(hub.shards)} shards answer; health has the others")
         if conflicts := hub.shards.conflicts():
             raise AwayError(f"{len(conflicts)} drives are claimed by several shards; health has them")
-        answers = await hub.ask_all("GET", "readyz", "cycles", "last_tick_seconds_ago")
+        answers = await hub.ask_all(
+            "GET", "readyz", lambda _, answer: (int(answer["cycles"]), float(answer["last_tick_seconds_ago"]))
+        )
         if answers.away:
             raise AwayError(f"{len(answers.good)} of {len(hub.shards)} shards are ready; health has the others")
         ready = answers.good.values()
         return {
             "ready": True,
-            "cycles": sum(answer["cycles"] for answer in ready),
-            "last_tick_seconds_ago": max(answer["last_tick_seconds_ago"] for answer in ready),
+            "cycles": sum(cycles for cycles, _ in ready),
+            "last_tick_seconds_ago": max(ago for _, ago in ready),
             "shards": len(ready),
         }
 
     async def health(self) -> dict[str, Any]:
         hub = self._hub
-        answers = await hub.ask_all("GET", "health", *Health.model_fields)
+        answers = await hub.ask_all("GET", "health", _healthy)
         good = answers.good
-        worst = max(good, key=lambda shard: float(good[shard]["engine_late_seconds"]), default=None)
+        worst = max(good, key=lambda shard: float(good[shard].get("engine_late_seconds", 0)), default=None)
         missing = list(hub.missing(answers).values())
         return {
             **joined_health(list(good.values())),
@@ -68,13 +70,13 @@ class HubItself:
         }
 
     async def doctor(self) -> dict[str, Any]:
-        answers = await self._hub.ask_all("GET", "doctor", "findings")
+        answers = await self._hub.ask_all(
+            "GET",
+            "doctor",
+            lambda shard, answer: [{**one, "name": f"{shard.label}: {one['name']}"} for one in answer["findings"]],
+        )
         partial = self._hub.partial(answers)
-        found = [
-            {**one, "name": f"{shard.label}: {one['name']}"}
-            for shard, answer in answers.good.items()
-            for one in answer["findings"]
-        ]
+        found = [one for findings in answers.good.values() for one in findings]
         found += [
             {
                 "name": f"{one['shard']}: answers",
@@ -89,19 +91,33 @@ class HubItself:
         return {"findings": found, **partial}
 
     async def reactions(self) -> dict[str, Any]:
-        answers = await self._hub.ask_all("GET", "reactions", "reactions")
+        answers = await self._hub.ask_all(
+            "GET",
+            "reactions",
+            lambda _, answer: [{**one, "seconds_ago": float(one["seconds_ago"])} for one in answer["reactions"]],
+        )
         partial = self._hub.partial(answers)
-        found = [one for answer in answers.good.values() for one in answer["reactions"]]
+        found = [one for reactions in answers.good.values() for one in reactions]
         return {"reactions": sorted(found, key=lambda one: one["seconds_ago"]), **partial}
 
     async def readiness(self) -> dict[str, Any]:
-        answers = await self._hub.ask_all("GET", "readiness", "stations", "controllers", "missing")
+        answers = await self._hub.ask_all("GET", "readiness", _with_readiness)
         partial = self._hub.partial(answers)
-        found = joined_readiness({shard: answers.good[shard] for shard in answers.good})
+        found = joined_readiness(answers.good)
         return {**found, "ready": found["ready"] and not partial["partial"], **partial}
 
     async def metrics(self) -> tuple[bytes, str]:
         return generate_latest(self._registry), CONTENT_TYPE_LATEST
+
+
+def _healthy(_: Shard, answer: dict[str, Any]) -> dict[str, Any]:
+    joined_health([answer])
+    return answer
+
+
+def _with_readiness(shard: Shard, answer: dict[str, Any]) -> dict[str, Any]:
+    joined_readiness({shard: answer})
+    return answer
 
 
 def _shown(hub: Hub, shard: Shard, health: dict[str, Any] | None) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from pnfarm.faults.start import seeded
 from pnfarm.faults.targets import chosen
 from pnfarm.hub.hub import RefusedError, read
 from pnfarm.hub.merging import at_hub, joined_fault
-from pnfarm.hub.shards import OWN_FAULT, AwayError, no_steps
+from pnfarm.hub.shards import OWN_FAULT, AwayError, no_steps, understood
 from pnfarm.web.errors import NotFoundError
 
 if TYPE_CHECKING:
@@ -235,16 +235,15 @@ class HubFaults:
         """End every fault on every shard."""
         hub = self._hub
         hub.check_any()
-        answers = await hub.ask_all("POST", "reset", "cleared", "faults")
+        answers = await hub.ask_all("POST", "reset", lambda _, answer: [_cleared(one) for one in answer["faults"]])
         partial = hub.partial(answers)
         found: dict[str, dict[str, Any]] = {}
-        for shard, answer in answers.good.items():
-            for fault in answer["faults"]:
-                name = shard.fault_id(fault["id"])
-                shown = found.setdefault(name, {"id": name, "kind": fault["kind"], "drives": []})
-                shown["drives"] += fault["drives"]
-                if fault["id"] in shard.faults:
-                    shard.faults[fault["id"]]["state"] = "ended"
+        for shard, cleared in answers.good.items():
+            for own, kind, drives in cleared:
+                name = shard.fault_id(own)
+                found.setdefault(name, {"id": name, "kind": kind, "drives": []})["drives"] += drives
+                if own in shard.faults:
+                    shard.faults[own]["state"] = "ended"
         if not answers.good:
             raise AwayError(f"nothing was reset: {partial['unreachable'][0]['reason']}")
         return {"cleared": list(found), "faults": list(found.values()), **partial}, not partial["partial"]
@@ -254,13 +253,15 @@ class HubFaults:
     async def listed(self) -> dict[str, Any]:
         """Those in force on any shard."""
         hub = self._hub
-        answers = await hub.ask_all("GET", "faults", "faults")
+        answers = await hub.ask_all(
+            "GET", "faults", lambda _, answer: {str(one["id"]): _sound(one) for one in answer["faults"]}
+        )
         partial = hub.partial(answers)
         ids: dict[str, None] = {}
         for shard in hub.shards:
             if (answer := answers.good.get(shard)) is not None:
                 ended = {key: one for key, one in shard.faults.items() if one["state"] == "ended"}
-                shard.faults = {**ended, **{str(one["id"]): one for one in answer["faults"]}}
+                shard.faults = {**ended, **answer}
                 while len(shard.faults) > 2 * 4096:
                     del shard.faults[next(iter(shard.faults))]
             for own, one in shard.faults.items():
@@ -321,6 +322,8 @@ class HubFaults:
             for shard in hub.shards
             if own in shard.faults and (not label or shard.label == label)
         ]
+        if not parts:
+            raise AwayError(f"no shard that answers has a fault {fault_id!r} any more")
         order = {name: place for place, name in enumerate(hub.shards.stations)}
         return {**joined_fault(parts, hub.specs.get(fault_id), order), "id": fault_id}
 
@@ -344,11 +347,20 @@ def _is_late(answer: Answer) -> bool:
 
 def _fault(shard: Shard, answer: Answer) -> dict[str, Any]:
     """A shard's fault, or its answer to a dry run."""
-    found = read(shard, answer, "kind", "spec", "drives")
-    if "dry_run" in found:
-        return found
-    try:
-        at_hub(found, lambda seconds: seconds + 0.0)
-    except (KeyError, TypeError, AttributeError) as exc:
-        raise AwayError(f"{shard.label} reports a fault as no farm does", slug="garbage") from exc
-    return found
+    found = read(shard, answer)
+    with understood(shard):
+        if "dry_run" not in found:
+            return _sound(found)
+        cannot = [{key: one[key] for key in ("drive", "why")} for one in found["cannot"]]
+        return {**found, "drives": [str(one) for one in found["drives"]], "cannot": cannot}
+
+
+def _sound(fault: dict[str, Any]) -> dict[str, Any]:
+    """A fault that can be put together with those of other shards."""
+    joined_fault([(at_hub(fault, lambda seconds: seconds + 0.0), True)], None, {})
+    return fault
+
+
+def _cleared(fault: Mapping[str, Any]) -> tuple[str, str, list[str]]:
+    """Of a reset: id, kind, drives."""
+    return str(fault["id"]), str(fault["kind"]), [str(one) for one in fault["drives"]]

@@ -12,7 +12,7 @@ from pnfarm.api.access.rights import role_of
 from pnfarm.api.changes import changes_nothing
 from pnfarm.hub.hub import passed_on, read
 from pnfarm.hub.merging import with_fault_ids
-from pnfarm.hub.shards import AwayError, no_steps
+from pnfarm.hub.shards import AwayError, no_steps, understood
 from pnfarm.web.bodies import PREFIX, Json, read_object
 from pnfarm.web.paths import ROLE_KEY
 
@@ -60,7 +60,9 @@ class Passing:
         shard, answer = await self._asked(request)
         itself = request.scope["path"].count("/") == f"{PREFIX}/{self._below}".count("/")
         if itself and request.method == "GET" and answer.good:
-            return Json(self.shown(shard, read(shard, answer, "name")))
+            view = read(shard, answer, "name")
+            with understood(shard):
+                return Json(self.shown(shard, view))
         return passed_on(answer)
 
     def shown(self, shard: Shard, view: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pnfarm.hub.hub import Hub
+    from pnfarm.hub.shards import Shard
 
 __all__ = ["HubPlant"]
 
-_KEYS = ("step_seconds", "steps", "steps_left_out", "models", "wires")
+_COUNTS = ("steps", "steps_left_out")
+_LISTS = ("models", "wires")
 
 
 class HubPlant:
@@ -19,14 +23,19 @@ class HubPlant:
         self._hub = hub
 
     async def plant(self) -> dict[str, Any]:
-        answers = await self._hub.ask_all("GET", "plant", *_KEYS)
-        plants = {shard.label: answer for shard, answer in answers.good.items() if answer["models"] or answer["wires"]}
-        steps = [answer["step_seconds"] for answer in plants.values()]
+        answers = await self._hub.ask_all("GET", "plant", _of_shard)
+        plants = [plant for plant in answers.good.values() if plant is not None]
         return {
-            "step_seconds": min(steps, default=None),
-            "steps": sum(answer["steps"] for answer in plants.values()),
-            "steps_left_out": sum(answer["steps_left_out"] for answer in plants.values()),
-            "models": [{**model, "shard": label} for label, answer in plants.items() for model in answer["models"]],
-            "wires": [{**wire, "shard": label} for label, answer in plants.items() for wire in answer["wires"]],
+            "step_seconds": min((plant["step_seconds"] for plant in plants), default=None),
+            **{key: sum(plant[key] for plant in plants) for key in _COUNTS},
+            **{key: [one for plant in plants for one in plant[key]] for key in _LISTS},
             **self._hub.partial(answers),
         }
+
+
+def _of_shard(shard: Shard, answer: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Its plant, None without one."""
+    lists = {key: [{**one, "shard": shard.label} for one in answer[key]] for key in _LISTS}
+    if not any(lists.values()):
+        return None
+    return {"step_seconds": float(answer["step_seconds"]), **{key: int(answer[key]) for key in _COUNTS}, **lists}

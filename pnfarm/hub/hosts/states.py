@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from pnfarm.hub.hub import RefusedError
-from pnfarm.hub.shards import AwayError, no_steps
+from pnfarm.hub.shards import no_steps, understood
 
 if TYPE_CHECKING:
     from pnfarm.hub.hub import Hub
@@ -27,8 +27,10 @@ class HubStates:
         self._hub = hub
 
     async def kept(self) -> dict[str, Any]:
-        answers = await self._hub.ask_all("GET", "states", "states")
-        found = [{**one, "shard": shard.label} for shard, answer in answers.good.items() for one in answer["states"]]
+        answers = await self._hub.ask_all(
+            "GET", "states", lambda shard, answer: [{**one, "shard": shard.label} for one in answer["states"]]
+        )
+        found = [one for states in answers.good.values() for one in states]
         return {"states": found, **self._hub.partial(answers)}
 
     async def save(self, name: str) -> dict[str, Any]:
@@ -58,8 +60,6 @@ class HubStates:
         for shard, answer in answers.good.items():
             if not answer.good:
                 raise RefusedError(answer)
-            try:
+            with understood(shard):
                 notes += [f"{shard.label}: {note}" for note in answer.object()["notes"]]
-            except (ValueError, KeyError, TypeError) as exc:
-                raise AwayError(f"{shard.label} does not answer as a farm does: {exc}", slug="garbage") from exc
         return {"state": name, "notes": notes}

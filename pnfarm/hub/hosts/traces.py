@@ -84,8 +84,8 @@ class HubTraces:
         return found[0]
 
     async def kept(self) -> dict[str, Any]:
-        answers = await self._hub.ask_all("GET", "traces", "traces")
-        found = [one for answer in answers.good.values() for one in answer["traces"]]
+        answers = await self._hub.ask_all("GET", "traces", lambda _, answer: [{**one} for one in answer["traces"]])
+        found = [one for traces in answers.good.values() for one in traces]
         return {"traces": found, **self._hub.partial(answers)}
 
     async def start(self, fields: Mapping[str, Any]) -> dict[str, Any]:
@@ -96,7 +96,8 @@ class HubTraces:
             raise TraceError([("as", f"there is a trace {wanted.name} already", "another name")])
         # a name of its own: those that shards make up are the same on each
         named = {**fields, "on": names, "as": fields.get("as") or f"trace-{secrets.token_hex(4)}"}
-        return await self._hub.asked(shard, "POST", "traces", "id", body=named)
+        found = await self._hub.asked(shard, "POST", "traces", "id", body=named)
+        return {**found, "id": str(found["id"])}
 
     async def signals(self, name: str) -> dict[str, Any]:
         return await self._hub.asked(
