@@ -10,6 +10,7 @@ from fastapi import FastAPI
 from pnfarm.api.access.audit import Audit
 from pnfarm.api.access.guard import Guard
 from pnfarm.api.access.rights import Rights
+from pnfarm.api.access.streams import STREAMS, Streams
 from pnfarm.api.access.throttle import Throttle
 from pnfarm.api.changes import Changes
 from pnfarm.api.description import add_description
@@ -110,7 +111,9 @@ def make_api(
     app.add_middleware(Rights)
     if audit is not None:
         app.add_middleware(Audit, log=audit)
+    # by the client's token, which the guard finds
+    app.add_middleware(Streams)
     app.add_middleware(Guard, keys=keys)
     # outermost: a request above the limits is refused before its token is checked
-    app.add_middleware(Throttle)
+    app.add_middleware(Throttle, without=STREAMS)
     return app

@@ -18,7 +18,7 @@ from api_world import ApiWorld
 from events import Something
 
 from pnfarm.api import serve
-from pnfarm.api.access import connections, throttle
+from pnfarm.api.access import connections, streams, throttle
 from pnfarm.api.access.connections import (
     BACKLOG,
     LEAST,
@@ -27,6 +27,7 @@ from pnfarm.api.access.connections import (
     ListeningSocket,
     connection_limit,
 )  # fmt: skip
+from pnfarm.api.access.guard import WHO
 from pnfarm.farm.process.open_files import MOST_FILES, open_files, raise_file_limit
 
 
@@ -218,7 +219,7 @@ def test_an_event_stream_whose_client_never_reads_is_closed(world, monkeypatch):
 
 
 def test_streams_beyond_the_most_are_told_so_and_an_end_makes_room(world, monkeypatch):
-    monkeypatch.setattr(throttle, "MOST_STREAMS", 3)
+    monkeypatch.setattr(streams, "MOST_STREAMS", 3)
 
     async def main():
         async with served(world) as (host, port), httpx.AsyncClient(base_url=f"http://{host}:{port}") as client:
@@ -241,6 +242,72 @@ def test_streams_beyond_the_most_are_told_so_and_an_end_makes_room(world, monkey
             await until(room)
             for response in held:
                 await response.aclose()
+
+    anyio.run(main)
+
+
+def test_a_token_that_has_all_streams_gives_up_its_newest_to_another_one_and_does_not_get_it_back(monkeypatch):
+    monkeypatch.setattr(streams, "MOST_STREAMS", 3)
+    world = ApiWorld(1, controller=False, token="a-long-secret", read_token="another-long-secret")
+
+    async def main():
+        async with served(world) as (host, port), httpx.AsyncClient(base_url=f"http://{host}:{port}") as client:
+
+            async def opened(token, path="events"):
+                headers = {"Authorization": f"Bearer {token}"}
+                return await client.send(client.build_request("GET", f"/api/v1/{path}", headers=headers), stream=True)
+
+            held = [await opened("another-long-secret") for _ in range(3)]
+            mine = await opened("a-long-secret", "live")
+            assert mine.status_code == 200
+            # its end is one that a browser takes for an end
+            with anyio.fail_after(10):
+                assert (await held[2].aread()).startswith(b"retry")
+            again = await opened("another-long-secret")
+            assert again.status_code == 503
+            assert "3 event streams are open" in json.loads(await again.aread())["detail"]
+            assert len(world.context.streams) == 3
+            for response in (*held, mine):
+                await response.aclose()
+
+    anyio.run(main)
+
+
+def test_clients_with_one_token_share_its_streams_by_address(monkeypatch):
+    monkeypatch.setattr(streams, "MOST_STREAMS", 6)
+
+    async def main():
+        begun, ended = [], []
+
+        async def app(scope, _receive, send):
+            try:
+                await send({"type": "http.response.start", "status": 200, "headers": []})
+                begun.append(scope["client"])
+                await anyio.sleep_forever()
+            finally:
+                ended.append(scope["client"])
+
+        async def send(message):
+            assert message["type"].startswith("http.response")
+
+        layer = streams.Streams(app)
+        async with anyio.create_task_group() as group:
+
+            async def come(who, address):
+                scope = {"type": "http", "path": "/api/v1/live", "client": (address, 1), WHO: who}
+                group.start_soon(layer, scope, None, send)
+                before = len(begun)
+                await anyio.wait_all_tasks_blocked()
+                return len(begun) > before
+
+            assert [await come("reads", "flood") for _ in range(6)] == [True] * 6
+            assert [await come("reads", "page") for _ in range(4)] == [True, True, True, False]
+            assert ended == [("flood", 1)] * 3
+            # each of two tokens has half of them, whatever addresses their clients have
+            assert [await come("other", f"host {n}") for n in range(4)] == [True, True, True, False]
+            assert len(ended) == 6
+            assert [await come("reads", name) for name in ("third", "fourth")] == [True, False]
+            group.cancel_scope.cancel()
 
     anyio.run(main)
 

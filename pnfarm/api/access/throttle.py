@@ -1,6 +1,7 @@
 """Limits the load of all requests together: an ASGI layer around the application.
 
-A request above the limit is refused with the advice to retry.  A large response is sent in pieces, each when the client
+A request above the limit is refused with the advice to retry; event streams have a limit of their own
+(:mod:`pnfarm.api.access.streams`).  A large response is sent in pieces, each when the client
 has read the one before, so that a slow client takes the memory of the response only once.
 """
 
@@ -14,47 +15,44 @@ from starlette.requests import Request
 from pnfarm.api.problems import problem
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["MOST_REQUESTS", "MOST_STREAMS", "PIECE", "Throttle"]
+__all__ = ["MOST_REQUESTS", "PIECE", "Throttle", "refuse"]
 
-#: Requests that are served at the same time, and event streams open beside them.
+#: Requests that are served at the same time.
 MOST_REQUESTS = 32
-MOST_STREAMS = 64
 #: Octets of a response that are sent at once.
 PIECE = 65_536
 #: Time after which a refused client may retry.
 AGAIN_SECONDS = 1
-#: Paths that stay open; their load is their own matter.
-STREAMS = frozenset({"/api/v1/events", "/api/v1/live"})
 
 
 class Throttle:
-    """The ASGI layer."""
+    """The ASGI layer; ``without``: paths that have no part in it."""
 
-    def __init__(self, app: ASGIApp) -> None:
+    def __init__(self, app: ASGIApp, without: Collection[str] = ()) -> None:
         self._app = app
-        #: Requests at work, and streams that are open.
-        self._open = {False: 0, True: 0}
+        self._without = without
+        self._open = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
+        if scope["type"] != "http" or scope["path"] in self._without:
             await self._app(scope, receive, send)
             return
-        stays = scope["path"] in STREAMS
-        if self._open[stays] >= (MOST_STREAMS if stays else MOST_REQUESTS):
-            streams = f"{MOST_STREAMS} event streams are open, the most that a farm has"
-            requests = f"{MOST_REQUESTS} requests are being answered; try again"
-            await _refuse(scope, receive, send, streams if stays else requests)
+        if self._open >= MOST_REQUESTS:
+            await refuse(scope, receive, send, f"{MOST_REQUESTS} requests are being answered; try again")
             return
-        self._open[stays] += 1
+        self._open += 1
         try:
-            await self._app(scope, receive, send if stays else _in_pieces(send))
+            await self._app(scope, receive, _in_pieces(send))
         finally:
-            self._open[stays] -= 1
+            self._open -= 1
 
 
-async def _refuse(scope: Scope, receive: Receive, send: Send, sentence: str) -> None:
+async def refuse(scope: Scope, receive: Receive, send: Send, sentence: str) -> None:
+    """Answer 503: the client may retry soon."""
     headers = {"Retry-After": str(AGAIN_SECONDS)}
     response = problem(HTTPStatus.SERVICE_UNAVAILABLE, sentence, Request(scope), headers=headers)
     await response(scope, receive, send)
