@@ -430,35 +430,48 @@ class FarmCore:
             self._sockets.act(port, action)
 
     def _refuse_streams(self, port: int, refused: bool) -> None:
-        if self._sockets is not None:
-            self._sockets.refuse(port, refused=refused)
+        if self._sockets is not None and self._sockets.serves(port):
+            station = self._by_port[port]
+            self._ask(station, partial(self._sockets.refuse, port, refused=refused), self._clock())
+            self._arm(station)
 
     def _carry(self, station: StationNode, now: int) -> None:
         """Give a station the address and the ports that it has now, and send what it has to send."""
         port, services = station.port.index, station.services()
         served = self._served.get(port)
         wanted = None if services is None else (station.starts, services)
-        if wanted != served or self._unserved.get(station.index, now + 1) <= now:
+        again = self._unserved.get(station.index, now + 1) <= now
+        if wanted != served or again:
             if self._sockets is None:
                 raise ConfigError(f"drive {station.configured_name} needs sockets, which a {self.link.kind} link lacks")
-            # its streams are gone
-            self._socket_gate.restart(port)
-            if services is None or wanted is None:
-                del self._served[port]
-                self._unserved.pop(station.index, None)
-                self._sockets.withdraw(port)
+            if wanted == served and self._sockets.serves(port):
+                # only its listeners are not open again
+                self._refuse_streams(port, self._socket_gate.refuses(port))
             else:
-                self._served[port] = wanted
-                self._serve(station, services, now)
+                # its streams are gone
+                self._socket_gate.restart(port)
+                if services is None or wanted is None:
+                    del self._served[port]
+                    self._unserved.pop(station.index, None)
+                    self._sockets.withdraw(port)
+                else:
+                    self._served[port] = wanted
+                    self._serve(station, services, now)
         for action in station.pump_sockets(now):
             self._socket_gate.sent(port, action, now)
 
     def _serve(self, station: StationNode, services: Services, now: int) -> None:
-        """Open its address and ports; what the machine refuses to a running farm is tried again."""
+        """Open its address and ports."""
         assert self._sockets is not None
         port = station.port.index
+        self._ask(station, partial(self._sockets.serve, port, services), now)
+        if self._socket_gate.refuses(port):
+            self._refuse_streams(port, refused=True)
+
+    def _ask(self, station: StationNode, ports: Callable[[], None], now: int) -> None:
+        """Ask the machine for a station's ports; what it refuses to a running farm is asked for again."""
         try:
-            self._sockets.serve(port, services)
+            ports()
         except EnvironmentError_ as exc:
             if not self._started:
                 raise
@@ -467,8 +480,6 @@ class FarmCore:
             self._unserved[station.index] = now + SERVE_AGAIN_NS
             return
         self._unserved.pop(station.index, None)
-        if self._socket_gate.refuses(port):
-            self._sockets.refuse(port, refused=True)
 
     def _audience(self, frame: bytes) -> list[int] | None:
         """Ports that a group-addressed frame can concern, None for any.
@@ -538,15 +549,18 @@ class FarmCore:
             self._line_segment.answered(station.port.index, now)
         if station.has_sockets:
             self._carry(station, now)
-        due = station.next_deadline()
-        if (again := self._unserved.get(station.index)) is not None:
-            due = again if due is None else min(due, again)
-        self._deadlines.set(station.index, due)
+        self._arm(station)
         if self.plant is not None:
             self.plant.settled(station.names)
         # a connection, a parameter: an injection may wait for it
         for name in station.names:
             self.injections.touch(name)
+
+    def _arm(self, station: StationNode) -> None:
+        due = station.next_deadline()
+        if (again := self._unserved.get(station.index)) is not None:
+            due = again if due is None else min(due, again)
+        self._deadlines.set(station.index, due)
 
     def settle_owner(self, owner: SignalOwner, now: int) -> None:
         """The same for whatever has signals: the plant takes what is written in its next step."""

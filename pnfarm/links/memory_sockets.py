@@ -151,6 +151,9 @@ class MemorySockets:
         if port in self._network.hosts:
             self._network.hosts[port].refuses = refused
 
+    def serves(self, port: int) -> bool:
+        return port in self._network.hosts
+
     def tell(self, event: StreamOpened | StreamReceived | StreamClosed | DatagramReceived, now: int) -> None:
         if self._user is not None:
             self._user(event, now)

@@ -51,7 +51,13 @@ class SocketCarrier(Protocol):
         """Begin to open a stream from the port's address; it is reported as opened, as closed, or never answered."""
 
     def refuse(self, port: int, *, refused: bool) -> None:
-        """Refuse every further stream of a port that serves, or take them again; those that are open stay."""
+        """Refuse every further stream of a port that serves, or take them again; those that are open stay.
+
+        Raises :class:`~pnfarm.errors.EnvironmentError_` where the machine cannot listen again.
+        """
+
+    def serves(self, port: int) -> bool:
+        """Whether the port has its address."""
 
     def act(self, port: int, action: SocketAction) -> None:
         """Send or close; never blocks, never raises: what cannot be sent is counted."""

@@ -252,6 +252,24 @@ def test_more_sessions_than_allowed_are_closed_and_one_that_ends_makes_room(wire
     asyncio.run(run())
 
 
+def test_a_listener_that_cannot_be_opened_again_is_an_error_and_the_next_try_opens_it(wire):
+    async def run() -> None:
+        async with Echo(wire, 1) as echo:
+            sockets, port = echo.link.sockets, echo.ports[0].index
+            sockets.refuse(port, refused=True)
+            soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+            resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
+            try:
+                with pytest.raises(EnvironmentError_, match=rf"a port of {address_of(0).ip} .* cannot be opened"):
+                    sockets.refuse(port, refused=False)
+            finally:
+                resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+            sockets.refuse(port, refused=False)
+            assert await ask(0) == b"HELLO"
+
+    asyncio.run(run())
+
+
 def test_a_peer_that_does_not_read_loses_its_stream_and_no_memory_is_lost(wire):
     async def run() -> None:
         async with Echo(wire, 1) as echo:

@@ -177,7 +177,6 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "streams": "TCP connection closed: as many as a drive has are open",
         # streams and datagrams
         "address-stays": "an address could not be taken away with the supply",
-        "no-listener": "stream refused by an injected fault",
         "slow-reader": "stream closed: its peer does not read what it asked for",
         "unanswered": "stream closed: its peer did not acknowledge what was sent",
         "stream-closed": "octets for a stream that is closed",

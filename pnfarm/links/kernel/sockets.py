@@ -88,6 +88,11 @@ class _Host:
     groups: dict[IPv4Address, socket.socket] = field(default_factory=dict)
 
 
+def _unopened(host: _Host, exc: OSError) -> EnvironmentError_:
+    where = f"{host.services.address.ip} at {host.name}"
+    return EnvironmentError_(f"a port of {where} cannot be opened: {exc.strerror}; is it another program's?")
+
+
 def _require(address: IPv4Address, interface: str) -> None:
     """Raises :class:`~pnfarm.errors.EnvironmentError_` where the kernel does not have this address."""
     try:
@@ -169,10 +174,7 @@ class KernelSockets:
             self._listen(port, host)
         except OSError as exc:
             self.withdraw(port)
-            raise EnvironmentError_(
-                f"a port of {services.address.ip} at {known.name} cannot be opened: {exc.strerror}; is it another "
-                "program's?"
-            ) from exc
+            raise _unopened(host, exc) from exc
 
     def _listen(self, port: int, host: _Host) -> None:
         loop = asyncio.get_running_loop()
@@ -213,8 +215,11 @@ class KernelSockets:
             return
         try:
             self._listen_for_streams(port, host)
-        except OSError:
-            self._counters.dropped["no-listener"] += 1
+        except OSError as exc:
+            raise _unopened(host, exc) from exc
+
+    def serves(self, port: int) -> bool:
+        return port in self._hosts
 
     @staticmethod
     def _socket(kind: int, host: _Host) -> socket.socket:

@@ -53,3 +53,31 @@ def test_a_drive_that_is_switched_off_while_it_waits_for_its_ports_is_not_tried_
     before = len(left)
     line.run(5.0)
     assert len(left) == before
+
+
+def test_a_drive_whose_listener_the_machine_refuses_behind_a_fault_gets_it_again_and_keeps_its_connections(monkeypatch):
+    line = CipLine(1)
+    line.connect()
+    sockets, drive = line.farm._sockets, line.farm.axes[0]
+    refuse, left = sockets.refuse, [1, 2]
+
+    def no_file(port: int, *, refused: bool) -> None:
+        if not refused and left:
+            left.pop()
+            raise EnvironmentError_("a port of 10.77.0.11 at axis-01 cannot be opened: too many open files")
+        refuse(port, refused=refused)
+
+    monkeypatch.setattr(sockets, "refuse", no_file)
+    line.farm.injections.inject({"kind": "tcp-refuse", "on": "axis-01"}, line.world.now)
+    line.run(0.1)
+    line.farm.injections.clear(None, line.world.now)
+    line.run(0.5)
+    assert len(left) == 1, "it was tried again at once, not each second"
+    line.run(2.0)
+    assert not left
+    assert drive.device.connected
+    told = [entry for entry in line.farm.log.entries("axis-01") if entry.event == "ports not opened"]
+    assert len(told) == 1
+    drive.station.power_cycle(line.world.now)
+    line.farm.settle(drive.station, line.world.now)
+    line.enable(60.0)
