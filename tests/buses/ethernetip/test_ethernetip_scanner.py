@@ -16,6 +16,7 @@ from pnfarm.protocols.enip.wire.epath import ElectronicKey, parse_epath
 from pnfarm.protocols.enip.wire.forward_open import ConnectionType, ForwardOpen, parse_forward_open
 from pnfarm.protocols.enip.wire.message import parse_request
 from pnfarm.testing import Line
+from pnfarm.wire.endpoint import StreamClosed, StreamData, StreamEnd
 from pnfarm.wire.mac import multicast_mac
 
 IDLE = "{kind: idle}"
@@ -280,6 +281,32 @@ def test_an_old_connection_that_the_drive_still_has_is_closed_first():
     row = line.row()
     assert (row["state"], row["connects"], row["refusals"]) == ("DATA", 2, 0)
     assert "old connection closed" in line.texts()
+    assert line.station().fault_counts == {}, "the drive never missed its controller"
+
+
+@pytest.mark.parametrize("lost", [3, 4], ids=["Forward_Open", "Forward_Close"])
+def test_an_old_connection_is_closed_although_the_session_was_lost_with_this_request(monkeypatch, lost):
+    line = ScannerLine(program=IDLE, more="\n  timeout_multiplier: 512")
+    line.connect()
+    line.plc.columns.cpm[line.plc.sessions[0].consumer].source = 1
+    sockets, network, sent = line.plc.link.sockets, line.world.switch.network, []
+    act = sockets.act
+
+    def break_off(port: int, action) -> None:
+        if isinstance(action, StreamData):
+            sent.append(action)
+            if len(sent) == lost:
+                act(port, StreamEnd(action.stream))
+                closed = StreamClosed(port, action.stream)
+                network.post(port, lambda now: line.plc.socket_event(closed, now), line.world.now)
+                return
+        act(port, action)
+
+    monkeypatch.setattr(sockets, "act", break_off)
+    assert line.world.run(10.0, until=lambda: len(sent) >= lost)
+    line.run(1.0)
+    row = line.row()
+    assert (row["state"], row["connects"], row["refusals"]) == ("DATA", 2, 1)
     assert line.station().fault_counts == {}, "the drive never missed its controller"
 
 

@@ -19,9 +19,10 @@ Cyclic data do not hang on the TCP connection (CIP volume 2, 2-2): in DATA a los
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum, auto
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from pnfarm.buses.controllers import session
 from pnfarm.buses.ethernetip.controller.requests import RequestQueue
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
     from pnfarm.protocols.enip.wire.forward_open import ForwardOpen
 
 __all__ = ["TRANSITIONS", "DeviceSession", "Measures", "SessionState", "Sign"]
+
+#: Connections that are kept to be closed; a device gives up older ones by itself.
+MOST_LEFT: Final = 8
 
 
 class SessionState(StrEnum):
@@ -120,9 +124,10 @@ class DeviceSession(session.Session):
     #: Numbers of the requests under way, of the machine's.
     asked_identity: int | None = None
     asked_close: int | None = None
-    #: The connection that was asked for last; it may still be open in the device while ``left`` says so.
+    #: The connection that was asked for last.
     opened: ForwardOpen | None = None
-    left: ForwardOpen | None = None
+    #: Connections that may still be open in the device, the oldest first.
+    left: deque[ForwardOpen] = field(default_factory=lambda: deque(maxlen=MOST_LEFT))
     #: The group to which the device sends, None for its own address.
     group: IPv4Address | None = None
     #: Refusals in a row.

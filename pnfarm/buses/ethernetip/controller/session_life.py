@@ -112,7 +112,7 @@ class SessionLife(Life[DeviceSession]):
         took = measures.established(now)
         measures.search_ns = 0
         session.failures = 0
-        session.left = None
+        session.left.clear()
         group = "" if session.group is None else str(session.group)
         kind = session.plan.connection.kind
         self.note(session, events.Connected(took, session.mac, kind, group), now)
@@ -238,7 +238,8 @@ class SessionLife(Life[DeviceSession]):
     def expired(self, session: DeviceSession, now: int) -> None:
         """No cyclic data came for longer than the timeout, or none at all."""
         session.measures.expirations += 1
-        session.left = session.opened
+        if session.opened is not None:
+            session.left.append(session.opened)
         if session.state is SessionState.DATA:
             self._broken(session, f"no cyclic data for {self._channels.awaited_ns(session) / 1e6:g} ms", now)
         self.sign(session, Sign.EXPIRED, now)
@@ -285,9 +286,9 @@ class SessionLife(Life[DeviceSession]):
         elif session.state is SessionState.STREAM:
             self._unreached(session, reason, now)
         elif session.state in {SessionState.SESSION, SessionState.IDENTITY, SessionState.OPEN}:
-            if session.state is SessionState.OPEN:
+            if session.state is SessionState.OPEN and session.opened is not None:
                 # its answer may have been on the way
-                session.left = session.opened
+                session.left.append(session.opened)
             self._failed(session, reason, (), now)
         self.sign(session, Sign.SESSION_LOST, now)
 
@@ -320,8 +321,8 @@ class SessionLife(Life[DeviceSession]):
                 self._made(session, note, now)
             case ConnectionNotMade() if session.state is SessionState.OPEN:
                 self._not_made(session, note, now)
-            case ConnectionEnded(triad=triad) if session.left is not None and session.left.triad == triad:
-                session.left = None
+            case ConnectionEnded(triad=triad) if session.left and session.left[0].triad == triad:
+                session.left.popleft()
                 self.note(session, events.OldConnectionClosed(), now)
                 self.sign(session, Sign.AGAIN, now)
             case ConnectionEnded(number=number) if number == session.asked_close:
@@ -330,8 +331,9 @@ class SessionLife(Life[DeviceSession]):
             case RequestAnswered(number=number) | RequestFailed(number=number) if number == session.asked_close:
                 self.sign(session, Sign.CLOSED, now)
             case RequestAnswered() | RequestFailed() if session.state is SessionState.OPEN:
-                # the old connection could not be closed
-                session.left = None
+                if isinstance(note, RequestAnswered) and session.left:
+                    # without an answer it is tried again
+                    session.left.popleft()
                 self._refused(session, "an old connection of the controller's own cannot be closed", (), now)
             case _:
                 pass
@@ -359,7 +361,7 @@ class SessionLife(Life[DeviceSession]):
         """Start both directions, unless the answer is one that nobody can follow."""
         wrong = _wrong_answer(session, note)
         if wrong:
-            session.left = note.request
+            session.left.append(note.request)
             self._refused(session, f"Forward_Open: {wrong}", (), now)
             return
         self._channels.open(session, note)
@@ -369,13 +371,13 @@ class SessionLife(Life[DeviceSession]):
         """Close an old connection that is in the way, else tell why, and try again after a pause."""
         if note.reply is None:
             # the device may have opened it all the same
-            session.left = note.request
+            session.left.append(note.request)
             self._refused(session, f"Forward_Open: {note.reason}", (), now)
             return
         status, extended = note.reply.status, note.reply.extended
         refusal = extended[0] if status == GeneralStatus.CONNECTION_FAILURE and extended else None
-        if refusal in _OLD and session.left is not None and session.machine is not None:
-            session.machine.forward_close(session.left.triad, session.left.path, now)
+        if refusal in _OLD and session.left and session.machine is not None:
+            session.machine.forward_close(session.left[0].triad, session.left[0].path, now)
             return
         self._refused(session, f"Forward_Open: {_explained(note, refusal)}", (status, *extended), now)
 
