@@ -135,3 +135,43 @@ def test_a_telegram_without_tasks_is_refused_for_a_program_of_positions():
     drives = expand(config)
     with pytest.raises(ConfigError, match="telegram 1 of akd-profinet has no signal of a position task"):
         plan_devices(config.controller, drives, [model("akd-profinet")])
+
+
+def limit(line, *sides):
+    for side in sides:
+        line.farm.injections.inject({"kind": "limit-switch", "on": "all", "params": {"side": side}}, line.world.now)
+
+
+@pytest.mark.parametrize(("name", "telegram", "cycle", "params"), EVERY)
+def test_an_axis_that_could_not_be_homed_or_take_its_task_goes_on_when_it_can(name, telegram, cycle, params):
+    line = line_of(name, telegram, cycle, params)
+    limit(line, "positive", "negative")
+    line.enable()
+    line.run(12.0)
+    before = moves(line)
+    line.farm.injections.clear(None, line.world.now)
+    run_until(line, lambda: moves(line) >= before + 2)
+
+
+@pytest.mark.parametrize(("name", "telegram", "cycle", "params"), EVERY)
+def test_an_axis_that_was_stopped_on_its_way_sets_off_again(name, telegram, cycle, params):
+    line = line_of(name, telegram, cycle, params, targets="30, 0")
+    line.enable()
+    line.run(1.0)
+    limit(line, "positive")
+    line.run(12.0)
+    before = moves(line)
+    line.farm.injections.clear(None, line.world.now)
+    run_until(line, lambda: moves(line) >= before + 2)
+
+
+@pytest.mark.parametrize("bit", ["at-rest", "moving"])
+def test_a_homing_that_takes_long_is_not_disturbed(bit):
+    # one revolution to the zero mark at 5 rpm
+    params = "{DRV.OPMODE: 2, HOME.MODE: 7, HOME.V: 5000}"
+    line = line_of("akd-profinet", 9, "16ms", params, behaviour=f"{{stopped-bit: {bit}}}")
+    line.enable()
+    took = run_until(line, lambda: moves(line) >= 2, 30.0)
+    assert took > 8.0
+    line.run(1.0)
+    assert moves(line) > 2

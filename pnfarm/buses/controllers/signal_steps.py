@@ -36,6 +36,7 @@ class SignalSteps:
     object: int = OBJECT_AXIS
     task_form: int = TASKS_NONE
     control_config: int = 0
+    moving_bit: int = 0
     target_step: float = 1.0
     task_velocity_step: float = 1.0
     task_acceleration_step: float = 1.0
@@ -87,6 +88,7 @@ def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps
         object=OBJECT_AXIS if known is None else known.object,
         task_form=TASKS_NONE if known is None else known.tasks,
         control_config=int(axis.asked.settings.control_config),
+        moving_bit=int(own.moving_bit),
         target_step=float(own.target_step) or float(axis.travel.settings.position_step),
         task_velocity_step=float(own.task_velocity_step) or 1.0,
         task_acceleration_step=float(speed_up) or 1.0,

@@ -65,6 +65,8 @@ CLEAR_NS = 1_000_000_000
 #: Enable has to rise: of a drive that does not follow it, it is cleared after this time, and set again.
 ENABLE_NS = 2_000_000_000
 EDGE_NS = 200_000_000
+#: An axis that was told to home and has been at rest for so long does not: it is told again.
+REST_NS = 4_000_000_000
 
 
 @inlined
@@ -168,6 +170,11 @@ def _position(program: Any, image: Any, status: int, now: int) -> None:
             begin_leg(program, LEG_LOADING, now)
         elif not program.homing_set:
             program.homing_set = 1 if _set_attribute(program, image, START_HOME, 1, now) else 0
+            program.leg_ns = now
+        elif status & IN_MOTION:
+            program.leg_ns = now
+        elif now - program.leg_ns >= REST_NS:
+            program.homing_set = 0
     elif program.leg == LEG_LOADING:
         _begin(program, image, POSITION_MOVE, now)
         put(image, 8, 4, rounded(program.targets[program.target_index] / program.target_step))

@@ -73,6 +73,7 @@ START_HOMING = 0x0800
 TARGET_REACHED = 0x0400
 HOME_POSITION_SET = 0x0800
 TASK_ACKNOWLEDGED = 0x1000
+AT_REST = 0x2000
 #: SATZANW.15 and POS_STW1.15, POS_STW1.8; OVERRIDE of 100 %.
 POS_ABSOLUTE = 0x0100
 WHOLE_OVERRIDE = 0x4000
@@ -87,6 +88,9 @@ RETRY_NS = 1_000_000_000
 #: After this time without operation the bit is cleared, and set again after the same time.
 EDGE_AFTER_NS = 4_000_000_000
 EDGE_NS = 1_000_000_000
+#: An axis that has been at rest for so long does not home, does not take its task, or was stopped on its way, by a
+#: limit switch for example.  The bit that starts this is cleared, and set again after the time of an edge.
+REST_NS = 4_000_000_000
 
 
 @inlined
@@ -136,9 +140,12 @@ def _position(program: Any, image: Any, zsw1: int, now: int) -> int:
     """STW1 of an axis in operation that goes from target to target (AKD PROFINET manual 5.10.2, the handshake)."""
     _write_task(program, image)
     toggles = not program.control_config & CONFIG_RISING_EDGE
+    if program.leg != LEG_DWELLING and (zsw1 & AT_REST != 0) == (program.moving_bit != 0):
+        program.leg_ns = now
+    rest_ns = now - program.leg_ns
     if program.leg == LEG_HOMING:
         if not zsw1 & HOME_POSITION_SET:
-            return POSITION | START_HOMING
+            return POSITION if rest_ns % (REST_NS + EDGE_NS) >= REST_NS else POSITION | START_HOMING
         begin_leg(program, LEG_LOADING, now)
     elif program.leg == LEG_LOADING:
         if toggles or not zsw1 & TASK_ACKNOWLEDGED:
@@ -150,10 +157,17 @@ def _position(program: Any, image: Any, zsw1: int, now: int) -> int:
             if not toggles:
                 program.start_bit = 0
             begin_leg(program, LEG_MOVING, now)
+        elif rest_ns >= REST_NS:
+            if not toggles:
+                program.start_bit = 0
+            if rest_ns >= REST_NS + EDGE_NS:
+                begin_leg(program, LEG_HOMING, now)
     elif program.leg == LEG_MOVING:
         if zsw1 & TARGET_REACHED and (toggles or not zsw1 & TASK_ACKNOWLEDGED):
             program.moves += 1
             begin_leg(program, LEG_DWELLING, now)
+        elif rest_ns >= REST_NS:
+            begin_leg(program, LEG_HOMING, now)
     elif now - program.leg_ns >= program.dwell_ns:
         program.target_index = (program.target_index + 1) % max(1, int(program.target_count))
         begin_leg(program, LEG_LOADING, now)

@@ -91,3 +91,15 @@ def test_a_fault_stays_where_nobody_acknowledges_it():
     line.run(3.0)
     assert line.row()["phase"] == "faulted"
     assert not line.plc.all_running
+
+
+def test_an_axis_that_could_not_be_homed_is_homed_when_it_can():
+    program = "{kind: positions, speed_rpm: 600, targets: [0, 2], dwell: 50ms}"
+    line = ScannerLine(program=program, group=", params: {HOME.MODE: 7}")
+    for side in ("positive", "negative"):
+        line.farm.injections.inject({"kind": "limit-switch", "on": "all", "params": {"side": side}}, line.world.now)
+    line.enable()
+    line.run(3.0)
+    assert not line.station().handle.axis.homing.homed
+    line.farm.injections.clear(None, line.world.now)
+    assert line.world.run(20.0, until=lambda: line.row()["moves"] >= 2)
