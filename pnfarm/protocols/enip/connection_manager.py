@@ -57,6 +57,8 @@ CONNECTION_MANAGER: Final = 0x06
 #: Events that wait to be taken; a caller that takes them after each input never comes near.
 _MOST_EVENTS: Final = 1024
 _FAILURE: Final = GeneralStatus.CONNECTION_FAILURE
+#: No target produces faster, whatever it accepts: who asks for a microsecond would get a million packets a second.
+_LEAST_PRODUCTION_US: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,8 +229,8 @@ class ConnectionManager:
 
     def _interval(self, rpi_us: int) -> int:
         """The interval at which the target produces."""
-        if self.settings.below_minimum is RpiBelowMinimum.ROUND_UP:
-            rpi_us = max(rpi_us, self.settings.minimum_rpi_us)
+        rounds_up = self.settings.below_minimum is RpiBelowMinimum.ROUND_UP
+        rpi_us = max(rpi_us, self.settings.minimum_rpi_us if rounds_up else _LEAST_PRODUCTION_US)
         step_us = self.settings.interval_step_us
         return -(-rpi_us // step_us) * step_us
 

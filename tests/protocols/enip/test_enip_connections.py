@@ -244,6 +244,13 @@ def test_an_interval_below_the_minimum_is_rounded_up_taken_or_refused(below, ans
     assert bench.take(ConnectionOpened)[0].connection.timeout_ns == 8_000_000
 
 
+def test_nobody_gets_more_packets_than_one_in_100_us_whatever_the_target_accepts():
+    bench = Bench(below_minimum=RpiBelowMinimum.ACCEPT)
+    request = io_request(o_to_t_rpi_us=1, t_to_o_rpi_us=1)
+    reply, _ = bench.opened(bench.register(), request)
+    assert (reply.o_to_t_api_us, reply.t_to_o_api_us) == (1, 100)
+
+
 # Closing
 
 
