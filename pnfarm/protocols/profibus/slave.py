@@ -341,6 +341,7 @@ class Slave:
             return None
         self.user.take_outputs(data, now)
         inputs = self.user.inputs()
+        self.user.exchanged(now)
         self.polled(source, fcb, data, inputs, now)
         return inputs
 
@@ -455,7 +456,8 @@ class Slave:
             self.user.take_outputs(data, now)
         else:
             cyclic.waiting = data
-        inputs = self.user.inputs() if cyclic.frozen is None else cyclic.frozen
+        inputs = self._inputs()
+        self.user.exchanged(now)
         if not self._pending_diagnosis:
             return self._data(telegram, inputs)
         # one octet that means nothing carries the priority where there are no inputs (8.3.6)

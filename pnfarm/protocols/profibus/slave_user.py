@@ -75,6 +75,9 @@ class SlaveUser(Protocol):
     def inputs(self) -> bytes:
         """Inputs as they are now."""
 
+    def exchanged(self, now: int) -> None:
+        """A Data_Exchange was answered, also one whose outputs wait for Sync, or whose inputs Freeze holds."""
+
     def diagnosis(self) -> tuple[bool, bool, bytes]:
         """Whether there is an error (Ext_Diag), whether data exchange makes no sense (Stat_Diag), extended octets."""
 

@@ -154,7 +154,13 @@ def test_freeze_holds_the_inputs_and_sync_the_outputs():
     plc.plc.master.control(Control.FREEZE | Control.SYNC)
     plc.wait(10)
     held = plc["NIST_A"]
+    counts = plc.device.closed
+    before = counts.received, counts.sent, int(counts.intervals.sum())
     plc.put(NSOLL_A=0, wait=200)
+    counts = plc.device.closed
+    after = counts.received, counts.sent, int(counts.intervals.sum())
+    more = [new - old for new, old in zip(after, before, strict=True)]
+    assert min(more) == max(more) > 10, "the telegrams count nevertheless"
     assert plc.axis.motor.velocity == pytest.approx(1500, abs=10), "the set point is held"
     plc.plc.master.control(Control.UNSYNC)
     plc.wait(300)

@@ -22,6 +22,7 @@ class Drive:
     octets: int = 12
     outputs: list[bytes] = field(default_factory=list)
     cleared: int = 0
+    exchanges: int = 0
     shown: bytes = b""
     error: bool = False
     static: bool = False
@@ -53,6 +54,9 @@ class Drive:
 
     def inputs(self):
         return self.shown or bytes(range(self.octets))
+
+    def exchanged(self, now):
+        self.exchanges += 1
 
     def diagnosis(self):
         return self.error, self.static, self.extended

@@ -320,6 +320,18 @@ def test_sync_holds_outputs_and_freeze_holds_inputs(bench):
     assert bench.ask(None, DATA).data == b"\xaa" * 12
 
 
+def test_data_exchanges_count_also_where_outputs_are_held_and_nothing_else_counts_as_one(bench):
+    bench.exchange()
+    control(bench, Control.SYNC | Control.FREEZE)
+    control(bench, Control.CLEAR_DATA)
+    bench.ask(Sap.READ_INPUTS, source=9)
+    bench.diagnosis()
+    assert bench.drive.exchanges == 1
+    for _ in range(5):
+        bench.ask(None, DATA)
+    assert bench.drive.exchanges == 6
+
+
 def test_control_for_other_groups_or_of_other_masters_is_not_its_own(bench):
     bench.exchange()
     control(bench, Control.CLEAR_DATA, groups=2)

@@ -112,6 +112,7 @@ class ProfibusCore(DriveCore):
                 self.plain[station.plan.name][1].take(station.inputs, good=True)
             else:
                 self._images[place].take(station.inputs, now)
+            self._images[place].count(now)
         for event in master.take_events():
             self._take(event, now)
         busy: set[str] = set()

@@ -64,8 +64,10 @@ class DescribedUser(Meddling):
         self._outputs.take(bytes(self.output_octets), good=False)
 
     def inputs(self) -> bytes:
-        self._image.note_sent()
         return self._inputs.read()
+
+    def exchanged(self, now: int) -> None:
+        self._image.exchanged(now)
 
     # -- start-up ----------------------------------------------------------------------------------------------------
 

@@ -162,11 +162,11 @@ class CyclicImage:
         self.cells[fast_path.LAST] = 0
         self.cells[fast_path.LEFT] = AVERAGED
 
-    def note_sent(self) -> None:
-        """Inputs leave, whatever they are."""
-        self._filled[0] = (self._filled[0] + 1) & 0xFFFFFFFF
-        self._counts.sent += 1
-        self.cells[fast_path.SENT_NS] = self._frame_ns[0]
+    def exchanged(self, now: int) -> None:
+        """A Data_Exchange was answered, whatever became of its outputs and wherever its inputs are from."""
+        self.count(now)
+        self._note_sent()
+        self.cells[fast_path.SENT_NS] = now
 
     def take(self, data: bytes, now: int) -> None:
         """Outputs of the length of the telegram."""
@@ -181,19 +181,19 @@ class CyclicImage:
         self.note(now)
 
     def note(self, now: int) -> None:
-        """Valid data came, whatever they are."""
+        """Valid data are in force, whatever they are."""
         last = self.cells[fast_path.LAST]
         self._interval_ns[0] = now - last if last else 0
         self._valid[0] = 1
         self._lost[0] = LOST_NOT
-        self._count(now)
+        self._arrived(now)
 
     def clear(self, now: int) -> None:
         """The master is in Clear: set points are zero, and none of them is valid (EN 50170 part 2, Clear_Data)."""
         self._zero()
         self._valid[0] = 0
         self._lost[0] = LOST_STOP
-        self._count(now)
+        self._arrived(now)
 
     def stop(self, why: int) -> None:
         """No set points come any more; ``why`` is one of ``LOST_*`` (:mod:`pnfarm.table.image`)."""
@@ -203,6 +203,11 @@ class CyclicImage:
         self.cells[fast_path.LAST] = 0
 
     def fill(self) -> bytes:
+        """What a master sends now, counted."""
+        self._note_sent()
+        return self.shown()
+
+    def shown(self) -> bytes:
         """Inputs as they are now."""
         inputs, sent = self._inputs, self._sent
         words = [0] * (inputs.octets // 2)
@@ -213,17 +218,23 @@ class CyclicImage:
             words[high] = value >> 16 & 0xFFFF
             if low >= 0:
                 words[low] = value & 0xFFFF
-        self.note_sent()
         return inputs.coding.pack(*words)
 
     def _zero(self) -> None:
         for slot in range(len(self._received)):
             self._received[slot] = 0
 
-    def _count(self, now: int) -> None:
-        """A telegram with outputs came."""
+    def _arrived(self, now: int) -> None:
+        """Other data are in force."""
         self._frame_ns[0] = now
         self._frames[0] = (self._frames[0] + 1) & 0xFFFFFFFF
+
+    def _note_sent(self) -> None:
+        self._filled[0] = (self._filled[0] + 1) & 0xFFFFFFFF
+        self._counts.sent += 1
+
+    def count(self, now: int) -> None:
+        """A telegram with data came, behind :meth:`note`."""
         counts, cells = self._counts, self.cells
         counts.received += 1
         last = cells[fast_path.LAST]

@@ -80,7 +80,10 @@ class DriveUser(Meddling):
         self._image.clear(now)
 
     def inputs(self) -> bytes:
-        return self._image.fill()
+        return self._image.shown()
+
+    def exchanged(self, now: int) -> None:
+        self._image.exchanged(now)
 
     # -- start-up ----------------------------------------------------------------------------------------------------
 
