@@ -148,10 +148,12 @@ def check_io(request: ForwardOpen, path: ApplicationPath, settings: ConnectionSe
     return offer
 
 
-def check_explicit(request: ForwardOpen, settings: ConnectionSettings) -> None:
-    """A class 3 connection to the Message Router; raises :class:`Refusal`."""
+def check_explicit(request: ForwardOpen, path: ApplicationPath, settings: ConnectionSettings) -> None:
+    """A class 3 connection to the Message Router, which has one instance; raises :class:`Refusal`."""
     if request.transport.transport != 3 or not request.transport.server:
         raise Refusal(Status.TRANSPORT_CLASS_AND_TRIGGER)
+    if path.points != (1,) or path.configuration:
+        raise Refusal(Status.INVALID_SEGMENT if path.points else Status.INCONSISTENT_APPLICATION_PATHS)
     if request.o_to_t.kind != ConnectionType.POINT_TO_POINT:
         raise Refusal(Status.O_TO_T_CONNECTION_TYPE)
     if request.t_to_o.kind != ConnectionType.POINT_TO_POINT:

@@ -137,7 +137,7 @@ class ConnectionManager:
         path = read_path(request.path)
         check_key(path.key, self.settings.key)
         if path.class_id == MESSAGE_ROUTER:
-            check_explicit(request, self.settings)
+            check_explicit(request, path, self.settings)
             asked = _Asked(request, None)
         else:
             asked = _Asked(request, check_io(request, path, self.settings))

@@ -427,6 +427,10 @@ def test_an_explicit_connection_times_out_without_messages_and_lives_with_them(b
         ({"t_to_o": fo.NetworkParameters(100, MULTICAST)}, (0x0124,)),
         ({"o_to_t": fo.NetworkParameters(100, NULL)}, (0x0123,)),
         ({"o_to_t_rpi_us": 0}, (0x0111,)),
+        ({"path": b"\x20\x02"}, (0x012F,)),
+        ({"path": b"\x20\x02\x24\x05"}, (0x0315,)),
+        ({"path": b"\x20\x02\x24\x01\x2c\x66"}, (0x0315,)),
+        ({"path": b"\x20\x02\x24\x01\x80\x01\x00\x00"}, (0x0315,)),
     ],
 )
 def test_each_refusal_of_an_explicit_connection_has_its_extended_status(bench, session, change, extended):
