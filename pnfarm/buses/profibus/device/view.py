@@ -11,7 +11,6 @@ from pnfarm.protocols.profibus.slave import (
     LEFT,
     PARAMETERS_AGAIN,
     PARAMETERS_WRONG,
-    UNLOCKED,
     WATCHDOG,
 )
 from pnfarm.protocols.profibus.wire.dp import NO_MASTER, DpState
@@ -38,7 +37,6 @@ _WORDS = {
     PARAMETERS_WRONG: "parameters that do not fit",
     CONFIGURED_WRONG: "a configuration that does not fit",
     BAD_LENGTH: "outputs of a wrong length",
-    UNLOCKED: "the master released it",
     LEFT: "the drive left its data exchange",
 }
 
