@@ -8,9 +8,12 @@ import pytest
 from cm_controllers import DAP, TELEGRAM, Controller, dap_only, one_controller, places, shared_bench, unusable
 
 from pnfarm.protocols.profinet.cm.device.events import AlarmConfirmed, ArAborted
-from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmType
+from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmSpecifier, AlarmType
 
 MS = 1_000_000
+AR_STATE = AlarmSpecifier.AR_DIAGNOSIS_STATE
+OF_SUBMODULE = AlarmSpecifier.CHANNEL_DIAGNOSIS | AlarmSpecifier.SUBMODULE_DIAGNOSIS_STATE
 
 
 def test_an_alarm_carries_its_items_and_is_confirmed_by_its_number():
@@ -22,6 +25,23 @@ def test_an_alarm_carries_its_items_and_is_confirmed_by_its_number():
     (event,) = bench.events()
     assert isinstance(event, AlarmConfirmed)
     assert (event.alarm_type, event.status.ok, event.sequence) == (AlarmType.DIAGNOSIS, True, 0)
+
+
+def test_every_alarm_says_what_diagnosis_the_submodule_and_the_ar_have():
+    bench, controller = one_controller()
+    bench.cm.diagnosis.add(DiagnosisEntry(*DAP, error_type=6))
+    bench.cm.report_diagnosis(0)
+    bench.cm.pull(1, None, 0)
+    bench.cm.plug(1, None, 0)
+    bench.cm.alarm(AlarmType.RETURN_OF_SUBMODULE, DAP, 0)
+    said = [(alarm.alarm_type, alarm.specifier & ~0x7FF) for alarm in controller.pump()]
+    assert said == [
+        (AlarmType.DIAGNOSIS, OF_SUBMODULE | AR_STATE),
+        (AlarmType.PULL, AR_STATE),
+        (AlarmType.PLUG, AR_STATE),
+        (AlarmType.PLUG, AR_STATE),
+        (AlarmType.RETURN_OF_SUBMODULE, OF_SUBMODULE | AR_STATE),
+    ]
 
 
 def test_unacknowledged_alarms_end_the_ar():

@@ -86,8 +86,7 @@ class Alarms(DrivePart):
         if alarm.alarm_type in _MOVES:
             owners = (self._keys.unique(ar.key) for ar in cm.ars if alarm.place in ar.owned)
             self._to_correct.setdefault(alarm.place, set()).update(owners)
-        specifier = cm.diagnosis.alarm_specifier(alarm.place)
-        numbers = cm.alarm(alarm.alarm_type, alarm.place, now, items=alarm.items, specifier=specifier, high=alarm.high)
+        numbers = cm.alarm(alarm.alarm_type, alarm.place, now, items=alarm.items, high=alarm.high)
         self._settle(now)
         return numbers
 

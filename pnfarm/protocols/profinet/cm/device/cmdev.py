@@ -319,15 +319,18 @@ class CmDevice:
         now: int,
         *,
         items: tuple[AlarmItem, ...] = (),
-        specifier: int = 0,
+        specifier: int | None = None,
         high: bool = False,
     ) -> tuple[int, ...]:
-        """An alarm about one submodule to every AR that owns it; the alarms' numbers, without those refused."""
+        """An alarm about one submodule to every AR that owns it; the alarms' numbers, without those refused.
+
+        ``specifier`` has the submodule's flags, by default those of its diagnosis now."""
         told: list[int] = []
+        own = self.diagnosis.alarm_specifier(key) if specifier is None else specifier
         for ar in self.ars:
             if key in ar.owned and ar.alarm_cr is not None:
                 ar_state = AlarmSpecifier.AR_DIAGNOSIS_STATE if self.diagnosis.has_fault(ar.owned) else 0
-                flags = specifier | ar_state
+                flags = own | ar_state
                 number = self.alarms.send(ar.key, alarm_type, key, now, items=items, specifier=flags, high=high)
                 told += [] if number is None else [number]
         self._take_alarms(now)

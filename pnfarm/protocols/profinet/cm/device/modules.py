@@ -156,7 +156,8 @@ class Modules:
         """Send an alarm about what changed; its number.  A channel that is full is tried again when it has room."""
         untold = self._running[ar.key].untold
         untold.pop(key, None)
-        number = self._alarms.send(ar.key, alarm_type, key, now)
+        flags = self._diagnosis.alarm_specifier(key, ar.owned)
+        number = self._alarms.send(ar.key, alarm_type, key, now, specifier=flags)
         if number is None and ar.alarm_cr is not None:
             untold[key] = alarm_type
         return number
