@@ -184,6 +184,18 @@ def test_connection_monitoring_is_triggered_by_a_read_of_nothing():
     assert bench.cm.next_deadline() == before + 1_000_000_000
 
 
+def test_an_implicit_read_triggers_the_monitoring_of_the_connection_that_it_names_and_no_other_read_does():
+    bench = Bench()
+    bench.connect()
+    before = bench.cm.next_deadline()
+    bench.now = 1_000_000_000
+    assert read(bench, 0xFBFF, uuid=NIL_UUID) == b""
+    assert read(bench, 0xF820, uuid=NIL_UUID, target=UUID_1)
+    assert bench.cm.next_deadline() == before
+    assert read(bench, 0xFBFF, uuid=NIL_UUID, target=UUID_1) == b""
+    assert bench.cm.next_deadline() == before + 1_000_000_000
+
+
 def test_nothing_is_written_between_the_end_of_the_parameters_and_the_application_being_ready(bench):
     bench.connect()
     assert write(bench, 47, b"x", **DATA_PLACE) == 0

@@ -197,7 +197,7 @@ def serve_read(
     *,
     implicit: bool,
 ) -> ServedCall:
-    """Read one record; ``implicit`` needs no AR, and may name one whose data it wants.
+    """Read one record; ``implicit`` needs no AR, and may name one whose data it wants, or whose monitoring it triggers.
 
     The record is no longer than what the request and the call's ``args_maximum`` leave room for.
     """
@@ -216,7 +216,7 @@ def serve_read(
     )
     room = max(0, min(request.record_data_length, args_maximum - IOD_HEADER_SIZE))
     answer = handler.read(ar, request.api, request.slot, request.subslot, request.index, room, now)
-    touched = None if implicit else ar
+    touched = ar if not implicit or request.index == Index.CONNECTION_MONITORING else None
     if isinstance(answer, RecordError):
         header = replace(header, additional_value1=answer.additional_value1, additional_value2=answer.additional_value2)
         return ServedCall(answer.status(ErrorCode.READ), _fitting(emit_read_response(header), args_maximum), touched)
