@@ -434,6 +434,20 @@ def test_a_controller_parametrises_again_while_data_flow():
     assert controller.prm_begin(TELEGRAM, DAP)[0].ok
 
 
+def test_alarms_that_were_not_sent_before_prm_begin_wait_until_the_application_is_ready_again():
+    bench, controller = one_controller()
+    told = [bench.cm.alarm(AlarmType.PROCESS, TELEGRAM, 0, high=high) for high in (False, False, True, True, False)]
+    assert controller.prm_begin(TELEGRAM)[0].ok
+    under_way = controller.pump()
+    assert [alarm.high for alarm in under_way] == [False, True], "one of each priority is on its way"
+    controller.prm_end()
+    bench.cm.application_ready(controller.key, 0)
+    controller.confirm_calls()
+    bench.events()
+    assert [alarm.high for alarm in controller.pump()] == [False, True, False]
+    assert sorted(event.number for event in bench.events()) == sorted(n for (n,) in told[1:2] + told[3:])
+
+
 @pytest.mark.parametrize(
     ("keys", "field"),
     [((), 4), (((7, 0, 1),), 5), (((DRIVE_API, 2, 1),), 6), ((TELEGRAM, (DRIVE_API, 1, 9)), 7)],

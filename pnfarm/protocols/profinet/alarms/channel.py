@@ -148,6 +148,14 @@ class AlarmChannel:
         line.notify(Queued(self._handle, alarm), now)
         return self._handle
 
+    def take_back(self) -> list[tuple[int, AlarmNotification]]:
+        """Handle and alarm of each that waits for those before it, in their order; they are not sent any more."""
+        lines = (self._high, self._low)
+        waiting = sorted((queued for line in lines for queued in line.queue), key=lambda queued: queued.handle)
+        for line in lines:
+            line.queue.clear()
+        return [(queued.handle, queued.alarm) for queued in waiting]
+
     def acknowledge(self, alarm: AlarmNotification, now: int, status: PnioStatus = OK) -> bool:
         """Send the AlarmAck of a received alarm.  False when it does not wait for one."""
         return (self._high if alarm.high else self._low).acknowledge(alarm, status, now)

@@ -119,10 +119,12 @@ class DeviceAlarms:
         self._lines[ar.key] = _Line(channel, ar.initiator_mac)
 
     def hold(self, ar_key: int) -> None:
-        """Hold alarms back from now on."""
+        """Hold alarms back from now on, also those that the channel has not sent yet."""
         line = self._lines.get(ar_key)
         if line is not None:
             line.hears = False
+            unsent = [(line.numbers.pop(handle), alarm) for handle, alarm in line.channel.take_back()]
+            line.waiting = [*unsent, *line.waiting]
 
     def release(self, ar_key: int, now: int) -> None:
         """Send alarms from now on, first those that wait."""
