@@ -116,7 +116,7 @@ def test_a_module_that_is_ready_late_after_a_plug_is_used() -> None:
     pull_module(station.device, 1, None, line.world.now)
     line.farm.settle(station.station, line.world.now)
     line.run(0.2)
-    station.device.connections.ready_delay_ns = 30 * SECOND
+    station.device.connections.ready_delay = lambda *_: 30 * SECOND
     plug_module(station.device, 1, line.world.now)
     line.farm.settle(station.station, line.world.now)
     line.run(25.0)

@@ -15,7 +15,7 @@ EVERY = [("akd-profinet", 1, "16ms"), ("akd-profinet-2012", 1, "8ms"), ("hiwin-e
 def test_nothing_is_good_and_no_set_point_counts_before_the_application_is_ready(name, telegram, cycle):
     line = VirtualLine(model=name, telegram=telegram, cycle=cycle)
     station = line.farm.axes[0]
-    station.device.connections.ready_delay_ns = None
+    station.device.connections.ready_delay = lambda *_: None
     session = line.plc.sessions[0]
     assert line.world.run(5.0, until=lambda: session.consumer is not None)
     # a controller that calls its outputs good as soon as it may: STW1 0x0476 leads to S2
@@ -59,7 +59,7 @@ def test_every_telegram_of_a_model_connects_and_exchanges_data(name, telegram):
 def test_application_ready_of_a_connection_that_ended_is_not_repeated():
     line = VirtualLine()
     station = line.farm.axes[0]
-    station.device.connections.ready_delay_ns = None
+    station.device.connections.ready_delay = lambda *_: None
     assert line.world.run(5.0, until=lambda: bool(station.device.channels.ars))
     line.run(0.1)
     (ar,) = station.device.cm.ars

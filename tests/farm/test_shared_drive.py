@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from shared_line import SharedLine
 
+from pnfarm.protocols.profinet.cm.ar import CmdevState
+
 FILE = """
 farm: shared
 link: {kind: memory}
@@ -61,3 +63,12 @@ def test_the_loss_of_the_owner_of_the_telegram_faults_the_drive_and_the_other_st
     assert line.until(lambda: station.handle.axis.faults.code[0] != 0, 1.0)
     assert station.model.faults[int(station.handle.axis.faults.code[0]) & 0xFFFFFF].label == "32-1"
     assert [ar.initiator_name for ar in station.device.cm.ars] == ["plc-0"]
+
+
+def test_a_missing_application_ready_is_counted_and_missing_on_one_of_two_connections_that_start_at_once() -> None:
+    line = SharedLine(FILE, [lambda slot: slot == HEAD, lambda slot: slot == DRIVE])
+    fault = line.farm.injections.inject({"kind": "no-application-ready", "on": "all", "count": 1}, line.world.now)
+    line.run(1.0)
+    (station,) = line.farm.axes
+    assert sorted(ar.state for ar in station.device.cm.ars) == [CmdevState.DATA, CmdevState.W_ARDY]
+    assert fault.evidence().activations == 1

@@ -194,7 +194,7 @@ def left_behind(line: FaultLine | CipLine) -> dict[str, Any]:
             look(f"{name} has another identity", device.identity.product_code != device.kind.identity(0).product_code)
             continue
         look(f"{name} refuses", station.device.cm.refuse_connect is not None)
-        look(f"{name} delays ready", station.device.connections.ready_delay_ns != 0)
+        look(f"{name} delays ready", station.device.connections.ready_delay is not None)
         look(f"{name} answers late", station.device.rpc.late is not None)
         look(f"{name} diagnosis", list(station.device.cm.diagnosis))
         look(f"{name} refuses records", station.device.kind.records.error is not None)

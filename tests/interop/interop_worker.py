@@ -221,7 +221,7 @@ class FarmWorker:
         self._settled(station, now)
 
     def do_ready_delay(self, name, nanoseconds):
-        self.station(name).device.connections.ready_delay_ns = nanoseconds
+        self.station(name).device.connections.ready_delay = lambda *_: nanoseconds
 
 
 class PlcWorker:

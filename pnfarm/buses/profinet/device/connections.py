@@ -71,8 +71,9 @@ class StationConnections:
         self._sought_ns: int | None = None
         self._told_ns = 0
         self._sought_by_name = False
-        #: For injections on the connection: how to hold ApplicationReady back (``None``: not at all).
-        self.ready_delay_ns: int | None = 0
+        #: For injections: how long to hold ApplicationReady back, ns, or None for ever; asked with (AR, sequence, now)
+        #: when the parameters are complete.
+        self.ready_delay: Callable[[int, int | None, int], int | None] | None = None
         #: Called with (event, now) for each event of context management, after the station has handled it.
         self.listeners: list[Callable[[CmEvent, int], None]] = []
         self._ready_due: list[tuple[int, int, int | None]] = []
@@ -106,12 +107,13 @@ class StationConnections:
                 self._station.note(now, happened.ConnectRefused(ip, status, detail))
             case PrmEndReceived(key, sequence):
                 self._station.note(now, StartUpPhase("parameters", key))
-                if self.ready_delay_ns is None:
+                delay = 0 if self.ready_delay is None else self.ready_delay(key, sequence, now)
+                if delay is None:
                     self._station.note(now, happened.ApplicationReadyWithheld())
-                elif self.ready_delay_ns == 0:
+                elif delay == 0:
                     self._station.cm.application_ready(key, now, sequence)
                 else:
-                    self._ready_due.append((now + self.ready_delay_ns, key, sequence))
+                    self._ready_due.append((now + delay, key, sequence))
             case SubmodulesChanged():
                 self._submodules_changed(event, now)
             case AlarmConfirmed():

@@ -11,7 +11,7 @@ from pnfarm.protocols.profinet.errors import ErrorCode, pnio_error
 from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArProperties
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.protocols.profinet.errors import PnioStatus
@@ -22,12 +22,12 @@ __all__ = ["SET_UP", "ReadyRule", "SetUp"]
 class ReadyRule(Protocol):
     """Decides whether a connection's ApplicationReady is held back."""
 
-    def decide(self) -> tuple[bool, int | None]:
-        """(whether this rule acts on the present connection, nanoseconds or None for never)."""
+    def decide(self, key: int, now: int) -> tuple[bool, int | None]:
+        """(whether this rule acts on the AR of this key, nanoseconds or None for never)."""
 
 
 class SetUp(ConnectRequests):
-    """Rules on each AR with cyclic data, from its Connect request on."""
+    """Rules on each AR with cyclic data: on its Connect request, and on its ApplicationReady."""
 
     def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
         super().__init__()
@@ -37,11 +37,11 @@ class SetUp(ConnectRequests):
 
     def refresh(self, now: int) -> None:
         super().refresh(now)
-        if self.hooks or self._ready_rules:
+        if self.hooks:
             self.apply()
 
     def apply(self) -> None:
-        self._station.cm.refuse_connect = self._connecting if self.hooks or self._ready_rules else None
+        self._station.cm.refuse_connect = self._connecting if self.hooks else None
 
     def in_force(self) -> list[Any]:
         return [*self.hooks, *self._ready_rules]
@@ -53,36 +53,29 @@ class SetUp(ConnectRequests):
         if request.properties & ArProperties.DEVICE_ACCESS:
             return None
         status: PnioStatus | None = self.asked()
-        if status is None:
-            self._decide_ready()
         return status
 
     def hold_ready(self, rule: ReadyRule) -> None:
-        """Ask ``rule`` about each connection, also the one that is being set up."""
+        """Ask ``rule`` about each connection whose parameters are complete."""
         self._ready_rules.append(rule)
-        self.apply()
-        if any(not ar.established for ar in self._station.ars.values()):
-            self._decide_ready()
+        self._station.connections.ready_delay = self._ready_delay
 
-    def _decide_ready(self) -> None:
-        """For the connection that is being set up; the latest rule that acts on it counts."""
-        delay: int | None = 0
+    def _ready_delay(self, key: int, sequence: int | None, now: int) -> int | None:
+        """For a connection that is being set up; the latest rule that acts on it counts."""
+        if sequence is not None or key not in self.waiting_for_ready():
+            return 0
         for rule in reversed(self._ready_rules):
-            acts, wanted = rule.decide()
+            acts, delay = rule.decide(key, now)
             if acts:
-                delay = wanted
-                break
-        self._station.connections.ready_delay_ns = delay
+                return delay
+        return 0
 
-    def unhold_ready(self, rule: ReadyRule, now: int) -> None:
-        """Remove it: connections that no other rule holds back get their ApplicationReady."""
+    def unhold_ready(self, rule: ReadyRule, held: Iterable[int], now: int) -> None:
+        """Remove it: the connections of these keys, which it holds back, get their ApplicationReady."""
         self._ready_rules.remove(rule)
-        self.apply()
-        if self._ready_rules:
-            self._decide_ready()
-            return
-        self._station.connections.ready_delay_ns = 0
-        for key in self.waiting_for_ready():
+        if not self._ready_rules:
+            self._station.connections.ready_delay = None
+        for key in held:
             self._station.cm.application_ready(key, now)
         self._settle(now)
 

@@ -82,6 +82,30 @@ def test_late_application_ready_is_late_by_its_delay_and_once_if_asked():
     assert line.world.now - start < 1e9
 
 
+def test_application_ready_of_a_running_connection_is_not_held_back():
+    line = FaultLine()
+    line.add("late-application-ready", params={"delay": "2s"})
+    line.connect()
+    missing = line.add("module-missing")
+    line.run(0.1)
+    line.clear(missing.id)
+    line.run(0.2)
+    assert not line.session().unusable
+
+
+def test_a_fault_that_ends_lets_its_own_connections_go_on_and_not_those_of_another_fault():
+    line = FaultLine()
+    line.add("no-application-ready", as_="other", count=1)
+    line.run(1.0)
+    line.add("no-application-ready", as_="later")
+    line.clear("later")
+    line.run(1.0)
+    assert str(line.session().machine.state) == "W_ARDY"
+    line.add("no-application-ready", as_="later")
+    line.clear("other")
+    line.connect(0.5)
+
+
 def test_faults_of_the_connection_survive_a_reboot_of_the_drive(line):
     refuse = line.add("connect-refuse")
     record = line.add("record-error")

@@ -13,32 +13,29 @@ class LateReady(ChanceEffect):
     """By ``delay``; None is never."""
 
     set_up = SET_UP
-    _decided = False
-    _acts = False
-    _held: frozenset[int] = frozenset()
+
+    def prepare(self) -> None:
+        super().prepare()
+        self._held: set[int] = set()
 
     def put(self) -> None:
         self.set_up.hold_ready(self)
 
-    def decide(self) -> tuple[bool, int | None]:
+    def decide(self, key: int, now: int) -> tuple[bool, int | None]:
         """The rule for one connection that is being set up."""
-        self._acts = not self.finished and self.happens()
-        self._decided = True
-        return self._acts, self.values["delay"]
+        acts = self.occurs(now)
+        if acts:
+            self._held.add(key)
+        return acts, self.values["delay"]
 
     def check(self, now: int) -> None:
-        waiting = self.set_up.waiting_for_ready()
-        if self._decided and waiting - self._held:
-            self._decided = False
-            self.tally.note(now, happened=self._acts, confirmed=self._acts)
-            if self._acts:
-                self._held |= waiting
+        del now
+        self._held &= self.set_up.waiting_for_ready()
         # ending earlier would send ApplicationReady to the connection that must not get it
-        self._held &= waiting
         self.finished = self.exhausted and not self._held
 
     def end(self, now: int) -> None:
-        self.set_up.unhold_ready(self, now)
+        self.set_up.unhold_ready(self, self._held, now)
 
 
 KIND = InjectionKind(
