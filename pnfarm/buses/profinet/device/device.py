@@ -450,6 +450,12 @@ class ProfinetDevice:
         """See :class:`pnfarm.station.device.Device`: their diagnosis disappears."""
         self.kind.faults_cleared(axis)
 
+    def report_diagnosis(self) -> None:
+        """Its own diagnosis that holds now appears where it is not in the store."""
+        self.cm.moved()
+        for entry in self.neighbours.diagnoses():
+            self.cm.diagnosis.add(entry)
+
     def parameter_task(self, axis: int, value: int, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         self.kind.parameter_task(axis, value, now)

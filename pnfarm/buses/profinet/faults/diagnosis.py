@@ -56,6 +56,8 @@ class Diagnoses(DrivePart):
             self.put()
         else:
             self._station.cm.diagnosis.remove(entry)
+            # it may have stood in the place of one of the station's own
+            self._station.report_diagnosis()
         self._settle(now)
 
     def put(self) -> None:

@@ -230,8 +230,9 @@ class _SlotChanges:
 
 
 def _unknown(idents: list[int]) -> int:
-    """An ident that differs from these."""
-    return next(ident for ident in range(max(idents) + 1, max(idents) + 3) if ident <= 0xFFFF_FFFF)
+    """An ident that differs from these: behind the highest, or the lowest that is free."""
+    behind = max(idents) + 1
+    return behind if behind <= 0xFFFF_FFFF else next(i for i in range(1, len(idents) + 2) if i not in idents)
 
 
 MODULES: Part[Modules] = Part("modules of PROFINET")

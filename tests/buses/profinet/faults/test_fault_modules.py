@@ -8,6 +8,8 @@ from profinet_state import alarms, at_rest, iops, station
 
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.wire.records.pdev import PortDataCheck
+from pnfarm.protocols.profinet.wire.records.pdev_port import CheckLinkState, LinkStateLink
 from pnfarm.table.channel import STATUS_GOOD, STATUS_NO_PROBLEM
 
 CYCLE = 0.016
@@ -173,6 +175,18 @@ def test_what_hands_pulled_before_is_still_out_when_the_fault_ends(line):
     assert at_rest(line)
 
 
+@pytest.mark.parametrize("place", [{}, {"subslot": 2}])
+def test_a_wrong_module_is_found_where_the_drive_has_the_highest_ident(place):
+    line = FaultLine(identity="{telegrams: {1: {module: 0xFFFFFFFF, submodule: 0xFFFFFFFF}}}")
+    line.connect()
+    fault = line.add("module-wrong", params=place)
+    line.run(0.1)
+    assert fault.evidence().confirmed
+    line.clear(fault.id)
+    reconnect(line)
+    assert at_rest(line)
+
+
 @pytest.mark.parametrize(
     ("kind", "params", "told"),
     [
@@ -304,6 +318,31 @@ def test_of_two_diagnoses_with_one_key_the_latest_holds_and_the_earlier_comes_ba
     assert severities() == []
     line.run(0.1)
     assert at_rest(line)
+
+
+def test_a_drives_own_diagnosis_is_there_again_when_a_fault_with_its_key_ends():
+    line = FaultLine(model="moog-msd", cycle="1ms", watchdog=100, params="{P-1256: 3}")
+    line.connect()
+    line.add("drive-fault", params={"fault": "11-1"})
+    line.run(0.1)
+    (own,) = station(line).device.cm.diagnosis
+    fault = line.add("diagnosis", params={"coding": "manufacturer", "usi": own.usi, "data": "01"})
+    assert [entry.data for entry in station(line).device.cm.diagnosis] == [b"\1"]
+    line.clear(fault.id)
+    assert list(station(line).device.cm.diagnosis) == [own]
+    assert data_status(line) == STATUS_GOOD & ~STATUS_NO_PROBLEM
+
+
+def test_a_failed_port_check_is_reported_again_when_a_fault_with_its_key_ends(line):
+    device, now = station(line).device, line.world.now
+    check = PortDataCheck(0, 0x8001, (CheckLinkState(0, LinkStateLink.DOWN),))
+    assert device.neighbours.pdev.write(None, 0, 0, 0x8001, 0x802B, check.emit(), now) is None
+    line.farm.settle(station(line).station, now)
+    (own,) = device.cm.diagnosis
+    place = {"slot": own.slot, "subslot": own.subslot, "error": own.error_type, "ext": own.ext_error_type}
+    fault = line.add("diagnosis", params={**place, "coding": "extended"})
+    line.clear(fault.id)
+    assert list(device.cm.diagnosis) == [own]
 
 
 def test_a_diagnosis_goes_with_its_submodule_and_comes_back_with_it(line):

@@ -163,6 +163,14 @@ class StationNeighbours:
         checked, self._checked = self._checked, []
         return checked
 
+    def diagnoses(self) -> list[DiagnosisEntry]:
+        """Those of the checks that fail now."""
+        return [
+            port_diagnosis(CheckFailed(*place, *finding.key))
+            for place, findings in self.pdev.findings.items()
+            for finding in findings
+        ]
+
 
 def _note(event: NeighbourAppeared | NeighbourChanged | NeighbourGone) -> Event:
     match event:
