@@ -14,6 +14,8 @@ from pnfarm.protocols.profinet.wire.dcp.blocks import UnknownBlock
 from pnfarm.protocols.profinet.wire.dcp.pdu import SERVICE_SET, TYPE_REQUEST, DcpPdu, emit_dcp, frame_id_of
 from pnfarm.protocols.profinet.wire.lldp.pdu import parse_lldp
 from pnfarm.protocols.profinet.wire.lldp.tlvs import ManagementAddress, PortDescription, SystemDescription
+from pnfarm.protocols.profinet.wire.records.pdev import InterfaceAdjust, PortDataAdjust
+from pnfarm.protocols.profinet.wire.records.pdev_port import AdjustPeerToPeerBoundary
 from pnfarm.protocols.profinet.wire.snmp.message import (
     GET,
     GET_NEXT,
@@ -220,6 +222,22 @@ def test_lldp_mib_and_frames_of_a_drive_agree(name):
 def test_a_station_says_whether_its_port_sends_lldp(line, enabled, status):
     line.farm.axes[0].device.neighbours.enabled = enabled
     assert Tool(line).get((1, 0, 8802, 1, 1, 2, 1, 1, 6, 1, 2, 1)) == [status]
+
+
+@pytest.mark.parametrize(("newer", "tail"), [(0, b""), (1, b".axis-01")])
+def test_every_port_has_the_name_that_the_controllers_choice_gives_it(newer, tail):
+    line = VirtualLine(1, controller=False, model="moog-msd")
+    pdev, now = line.farm.axes[0].device.neighbours.pdev, line.world.now
+    assert pdev.write(None, 0, 0, 0x8000, 0x8071, InterfaceAdjust(newer).emit(), now) is None
+    port_id = (1, 0, 8802, 1, 1, 2, 1, 3, 7, 1, 3)
+    assert Tool(line).get((*port_id, 1), (*port_id, 2)) == [b"port-001" + tail, b"port-002" + tail]
+
+
+def test_a_port_that_the_controller_muted_only_receives_lldp(line):
+    pdev, now = line.farm.axes[0].device.neighbours.pdev, line.world.now
+    adjust = PortDataAdjust(0, 0x8001, (AdjustPeerToPeerBoundary(1),))
+    assert pdev.write(None, 0, 0, 0x8001, 0x802F, adjust.emit(), now) is None
+    assert Tool(line).get((1, 0, 8802, 1, 1, 2, 1, 1, 6, 1, 2, 1)) == [2]
 
 
 def test_a_manager_reads_the_neighbour_on_the_drives_port():

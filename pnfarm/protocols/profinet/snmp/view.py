@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ADDRESS_IPV4",
     "ADMIN_DISABLED",
+    "ADMIN_RX_ONLY",
     "ADMIN_TX_AND_RX",
     "AUTONEG_10_100",
     "CAPABILITY_STATION_ONLY",
@@ -52,6 +53,7 @@ ADDRESS_IPV4 = 1
 #: LldpManAddrIfSubtype: ifIndex.
 IF_SUBTYPE_IFINDEX = 2
 #: lldpPortConfigAdminStatus.
+ADMIN_RX_ONLY = 2
 ADMIN_TX_AND_RX = 3
 ADMIN_DISABLED = 4
 #: LldpSystemCapabilitiesMap: bit 7.

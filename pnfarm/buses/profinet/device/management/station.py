@@ -8,12 +8,14 @@ address (assumed: the next MAC addresses may belong to the next drive).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.device.management.neighbour_rows import management_view
 from pnfarm.buses.profinet.device.management.neighbours import port_numbers
 from pnfarm.protocols.profinet.snmp.view import (
     ADMIN_DISABLED,
+    ADMIN_RX_ONLY,
     ADMIN_TX_AND_RX,
     InterfaceCounters,
     InterfaceView,
@@ -91,7 +93,7 @@ def snmp_view(station: DeviceParts, now: int) -> SnmpView:
         )
     )
     own = agent.lldp.system
-    chassis, port_id = own.chassis, own.port_id(agent.lldp.port)
+    chassis = own.chassis
     heard = station.neighbour_rows.views(agent.lldp.neighbours, numbers[0], station.booted_ns)
     lldp = LldpView(
         chassis_id=chassis.value,
@@ -101,9 +103,9 @@ def snmp_view(station: DeviceParts, now: int) -> SnmpView:
         ports=tuple(
             LldpPortView(
                 number=number,
-                port_id=port_id.value if number == numbers[0] else f"port-{number:03}".encode(),
+                port_id=own.port_id(replace(agent.lldp.port, number=number)).value,
                 description=agent.lldp.port.description if number == numbers[0] else f"port {number}",
-                admin_status=ADMIN_TX_AND_RX if agent.enabled else ADMIN_DISABLED,
+                admin_status=_admin_status(agent, number),
                 tlvs_enabled=_EVERY_TLV if agent.enabled else b"\x00",
                 pno=PnoPort(station_name=station.name),
                 statistics=_lldp_statistics(agent) if number == numbers[0] else LldpPortStatistics(),
@@ -121,6 +123,13 @@ def snmp_view(station: DeviceParts, now: int) -> SnmpView:
         ),
     )
     return SnmpView(system, lldp, tuple(interfaces))
+
+
+def _admin_status(agent: StationNeighbours, port: int) -> int:
+    """A controller may have muted the port (PeerToPeerBoundary)."""
+    if not agent.enabled:
+        return ADMIN_DISABLED
+    return ADMIN_RX_ONLY if _INTERFACE + port in agent.pdev.mute_ports else ADMIN_TX_AND_RX
 
 
 def _lldp_statistics(agent: StationNeighbours) -> LldpPortStatistics:
