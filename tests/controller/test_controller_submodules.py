@@ -116,6 +116,20 @@ def test_a_supervisor_takes_the_axis_over_and_gives_it_back() -> None:
     assert line.farm.columns.axis[0].motor.velocity == pytest.approx(60.0, abs=0.5)
 
 
+@pytest.mark.parametrize("output", [False, True])
+def test_the_record_of_io_data_has_those_of_the_owner(output: bool) -> None:
+    line = VirtualLine()
+    session = line.plc.sessions[0]
+    session.plan = replace(session.plan, takeover_allowed=True)
+    line.connect()
+    supervisor = supervisor_of(line)
+    assert line.world.run(3.0, until=lambda: supervisor.all_running)
+    found = line.farm.axes[0].device.channels.io_data(1, 2, output)
+    assert found is not None
+    assert (found.iops, found.iocs) == (0x80, 0x80)
+    assert any(found.data), "its words, not the zeros of the controller that lost them"
+
+
 def test_a_supervisor_that_vanishes_gives_the_axis_back() -> None:
     line = VirtualLine()
     session = line.plc.sessions[0]

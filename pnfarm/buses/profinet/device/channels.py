@@ -208,12 +208,13 @@ class StationChannels:
         return ar
 
     def io_data(self, slot: int, subslot: int, output: bool) -> IoData | None:
-        """One submodule's cyclic data as on the wire, for the records that return it."""
+        """One submodule's cyclic data as on the wire, for the records that return it; of several ARs the owner's."""
+        found = None
         for ar in self.ars.values():
             iocs_places = {(c.slot, c.subslot): (row, c.iocs_offset) for row, cr in ar.providers for c in cr.iocs}
             for row, cr in ar.consumers if output else ar.providers:
                 place = cr.data_of(slot, subslot)
-                if place is None:
+                if place is None or (found is not None and (place.api, slot, subslot) in ar.bad):
                     continue
                 octets = self._channels.consumed(row) if output else self._channels.provided(row)
                 data = octets[place.data_offset : place.data_offset + place.data_length]
@@ -221,5 +222,5 @@ class StationChannels:
                 iops = IOXS_GOOD if place.iops_offset is None else octets[place.iops_offset]
                 provider, where = iocs_places.get((slot, subslot), (0, None)) if output else (0, None)
                 iocs = IOXS_GOOD if where is None else self._channels.provided(provider)[where]
-                return IoData(data, iops, iocs)
-        return None
+                found = IoData(data, iops, iocs)
+        return found
