@@ -263,6 +263,23 @@ def test_each_request_and_reply_of_a_packet_of_several_is_a_line():
     ]
 
 
+@pytest.mark.parametrize(
+    ("path", "named"),
+    [
+        (logical_path(0xF6, 1, 4), "Get_And_Clear"),
+        (b"\x91\4Tank", "service 0x4C"),
+        (logical_path(6, 1), "service 0x4C"),
+    ],
+)
+def test_a_service_of_one_object_has_its_name_at_this_object_alone(path, named):
+    tape = Tape()
+    tape.ask(request(Service.GET_AND_CLEAR, path, b"\1\0"))
+    tape.answer(Service.GET_AND_CLEAR, b"\xc4\0\0\0\0\0")
+    asked, answered = tape.lines()[2:]
+    assert asked.startswith(f"cip: {named}.req ")
+    assert answered.startswith(f"cip: {named}.res OK, ")
+
+
 def test_a_reply_without_its_request_says_so():
     tape = Tape()
     tape.answer(GET, b"\1\0")

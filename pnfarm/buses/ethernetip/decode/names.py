@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["Place", "octets_text", "path_text", "place_of", "place_text", "service_name", "value_text"]
 
 CONNECTION_MANAGER: Final = 0x06
+ETHERNET_LINK: Final = 0xF6
 PARAMETER: Final = 0x0F
 _VALUE, _DATA_TYPE = 1, 5
 _CLASSES: Final = {
@@ -74,13 +75,18 @@ _ATTRIBUTES: Final[dict[tuple[int, int], tuple[str, CipType | None]]] = {
 }
 _CLASS_ATTRIBUTES: Final = {1: "Revision", 2: "Max Instance", 3: "Number of Instances"}
 _SERVICES: Final = {int(one): "_".join(word.capitalize() for word in one.name.split("_")) for one in Service}
-#: Services that have another name at other objects.
-_MANAGER_SERVICES: Final = frozenset(
-    {
-        Service.FORWARD_CLOSE, Service.UNCONNECTED_SEND, Service.FORWARD_OPEN, Service.GET_CONNECTION_DATA,
-        Service.SEARCH_CONNECTION_DATA, Service.GET_CONNECTION_OWNER, Service.LARGE_FORWARD_OPEN,
-    }
-)  # fmt: skip
+#: The first service that is each object's own, and the class of the object for those that have a name.
+_OWN: Final = 0x4B
+_OBJECT_SERVICES: Final = {
+    Service.GET_AND_CLEAR: ETHERNET_LINK,
+    **dict.fromkeys(
+        (
+            Service.FORWARD_CLOSE, Service.UNCONNECTED_SEND, Service.FORWARD_OPEN, Service.GET_CONNECTION_DATA,
+            Service.SEARCH_CONNECTION_DATA, Service.GET_CONNECTION_OWNER, Service.LARGE_FORWARD_OPEN,
+        ),
+        CONNECTION_MANAGER,
+    ),
+}  # fmt: skip
 _SHOWN: Final = 16
 _KINDS: Final = {Logical.MEMBER: "member", Logical.CONNECTION_POINT: "point", Logical.SERVICE: "service"}
 
@@ -117,8 +123,8 @@ def place_of(path: bytes) -> Place | None:
 
 def service_name(service: int, place: Place | None) -> str:
     """The service's name; numbers from 0x4B on are each object's own."""
-    of_manager = place is not None and place.class_id == CONNECTION_MANAGER
-    if service in _SERVICES and (of_manager or service not in _MANAGER_SERVICES):
+    class_id = None if place is None else place.class_id
+    if service in _SERVICES and (service < _OWN or _OBJECT_SERVICES[Service(service)] == class_id):
         return _SERVICES[service]
     return f"service 0x{service:02X}"
 
