@@ -248,6 +248,16 @@ def test_a_read_that_is_sent_again_is_no_other_one():
     assert [list(one.counts) for one in found] == [["reads"], ["repeated"], ["reads"]]
 
 
+def test_a_start_with_the_octets_of_an_earlier_one_is_another_start(start_up):
+    """A controller that makes the same UUIDs at each start."""
+    frames = [frame for _, frame in start_up]
+    later = [replace(frame, time_ns=frame.time_ns + 300 * 10**9) for frame in frames]
+    once, twice = in_words(frames), in_words([*frames, *later])
+    for begin in ("Connect.req AR", "Connect.res OK", "PrmEnd.req AR", "cyclic data begin"):
+        assert sum(line.startswith(begin) for line in twice) == 2 * sum(line.startswith(begin) for line in once) > 0
+    assert not any(line.endswith(" again") for line in twice)
+
+
 def test_the_end_of_a_connection_tells_the_last_frame_of_all_that_its_peer_sent():
     plc, drive = bytes.fromhex("020000000001"), bytes.fromhex("020000000002")
 

@@ -82,6 +82,8 @@ _CONTROLS = {
     BlockType.RELEASE_REQ: "Release",
 }
 _DIRECTIONS: dict[int, str] = {PacketType.REQUEST: "req", PacketType.RESPONSE: "res"}
+#: A client gives a call up well before.
+REPEATED_NS = 60_000_000_000
 #: Records of a multiple write that are shown.
 MOST_RECORDS = 8
 _RESPONSE_BIT = 0x8000
@@ -127,10 +129,14 @@ def _pdu(pdu: RpcPdu, packet: Packet, called: IPv4Address, shared: Shared) -> It
     match pdu.kind:
         case PacketType.REQUEST:
             begin = None if pdu.is_fragment and pdu.fragment_number else hash(pdu.body)
-            # a controller that was restarted may begin with the same numbers again
-            known = call is not None and (None in {begin, call.begin} or begin == call.begin)
+            # a controller that was restarted may begin with the same numbers again, and even with the same octets
+            known = (
+                call is not None
+                and (None in {begin, call.begin} or begin == call.begin)
+                and abs(packet.time_ns - call.at_ns) < REPEATED_NS
+            )
             if call is None or not known:
-                call = shared.calls[key] = Call(service, pdu.opnum, packet.source, packet.destination)
+                call = shared.calls[key] = Call(service, pdu.opnum, packet.source, packet.destination, packet.time_ns)
             call.begin = call.begin if begin is None else begin
             if call.answered or (known and not pdu.is_fragment):
                 yield Description(f"{service}.req", "again", {}, {"repeated": ""})

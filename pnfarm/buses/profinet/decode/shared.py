@@ -33,6 +33,7 @@ class Call:
     opnum: int
     client: bytes
     server: bytes
+    at_ns: int
     answered: bool = False
     blocks: tuple[Block, ...] = ()
     write: WriteRequest | None = None
