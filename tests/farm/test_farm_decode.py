@@ -347,7 +347,7 @@ def real(name: str) -> list[str]:
 def test_the_start_up_of_a_real_drive():
     in_order(
         real("drive_connect_api3a00"),
-        "pn-io-1 -> 00:1b:08:04:72:e8 RPC ping of Connect",
+        "pn-io-1 -> 00:1b:08:04:72:e8 RPC ping",
         "00:1b:08:04:72:e8 -> pn-io-1 RPC nocall",
         "pn-io-1 -> 00:1b:08:04:72:e8 Connect.req AR 7d3a7927, legacy start-up, cycle 4 ms, watchdog 3 x, "
         "slot 0 module 0x2, slot 1 module 0x100, input frame id 0x8061",

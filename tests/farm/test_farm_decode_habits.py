@@ -258,6 +258,19 @@ def test_a_start_with_the_octets_of_an_earlier_one_is_another_start(start_up):
     assert not any(line.endswith(" again") for line in twice)
 
 
+def test_a_cancel_is_of_the_call_with_its_number():
+    """Siemens' controllers leave its operation 0, which is that of Connect."""
+    header = IodReadReqHeader(
+        sequence_number=1, ar_uuid=UUID(int=5), api=0, slot=0, subslot=1, index=0xAFF0, record_data_length=64
+    )
+    args = emit_request_args(RequestArgs(64, header.emit()), little_endian=True)
+    call = RpcPdu(PacketType.REQUEST, UUID_PNIO_DEVICE, UUID(int=9), opnum=Opnum.READ, body=args, sequence=3)
+    cancel = replace(call, packet_type=PacketType.CL_CANCEL, opnum=0, body=b"")
+    found = in_words([udp(5000, 34964, emit_rpc(pdu)) for pdu in (call, cancel, replace(cancel, sequence=4))])
+    assert found[0].startswith("Read.req ")
+    assert found[1:] == ["RPC cl_cancel of Read", "RPC cl_cancel "]
+
+
 def test_the_end_of_a_connection_tells_the_last_frame_of_all_that_its_peer_sent():
     plc, drive = bytes.fromhex("020000000001"), bytes.fromhex("020000000002")
 

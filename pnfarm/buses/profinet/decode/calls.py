@@ -157,14 +157,16 @@ def _pdu(pdu: RpcPdu, packet: Packet, called: IPv4Address, shared: Shared) -> It
                 yield from _response(stub, pdu, call, shared)
                 call.blocks, call.write = (), None
         case PacketType.FAULT | PacketType.REJECT:
+            service = call.service if call is not None else service
             status = status_name(parse_status(pdu.body, little_endian=pdu.little_endian))
             name = PacketType(pdu.kind).name.lower()
             yield Description(f"RPC {name}", f"of {service}: {status}", {}, {"faults": f"{name} {status}"})
         case PacketType.FACK | PacketType.ACK:
             return
         case _:
+            # these PDUs say by their sequence number which call they are about, and not by their operation
             name = PacketType(pdu.kind).name.lower() if pdu.kind <= max(PacketType) else f"type {pdu.kind}"
-            yield Description(f"RPC {name}", f"of {service}")
+            yield Description(f"RPC {name}", f"of {call.service}" if call is not None else "")
 
 
 def _whole(pdu: RpcPdu, call: Call, *, request: bool) -> bytes | None:
