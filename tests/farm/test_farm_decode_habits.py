@@ -258,6 +258,21 @@ def test_a_start_with_the_octets_of_an_earlier_one_is_another_start(start_up):
     assert not any(line.endswith(" again") for line in twice)
 
 
+def test_data_before_the_answer_to_another_connect_are_those_of_the_new_connection(start_up):
+    """The time between two connections is no gap, and the old layout does not count any more."""
+    frames = [frame for _, frame in start_up]
+    later = [replace(frame, time_ns=frame.time_ns + 300 * 10**9) for frame in frames]
+    request, answer = (
+        next(n for n, (kind, _) in enumerate(start_up) if kind == f"Connect.{way}") for way in ("req", "res")
+    )
+    device = frames[answer].data[6:12]
+    early = next(f for f in later[answer:] if is_cyclic(f) and f.data[6:12] == device)
+    early = replace(early, time_ns=later[request].time_ns + 1_000_000)
+    found = in_words([*frames, *later[: request + 1], early, *later[request + 1 :]])
+    assert sum(line.startswith("cyclic data begin") for line in found) == 4
+    assert not any(line.startswith("gap") for line in found)
+
+
 def test_a_cancel_is_of_the_call_with_its_number():
     """Siemens' controllers leave its operation 0, which is that of Connect."""
     header = IodReadReqHeader(

@@ -74,8 +74,8 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
         return
     key = (packet.destination, packet.source, frame_id)
     channel = shared.channels.get(key)
-    if channel is None:
-        channel = shared.channels[key] = _foreign(packet, frame_id, shared)
+    if channel is None or key in shared.asked:
+        channel = shared.channels[key] = _channel(packet, key, channel, shared)
     shared.channels.move_to_end(key)
     template = channel.template
     size = template.layout.data_length if template is not None else len(payload) - 2 - STATUS_LENGTH
@@ -122,15 +122,20 @@ def _cut(channel: Channel, packet: Packet) -> Iterator[Description]:
     channel.source, channel.destination, channel.last_ns = packet.source, packet.destination, packet.time_ns
 
 
-def _foreign(packet: Packet, frame_id: int, shared: Shared) -> Channel:
-    """A channel without a Connect response: its layout may come from a Connect request or the farm file."""
-    asked = shared.asked.get((packet.destination, packet.source, frame_id))
+def _channel(packet: Packet, key: tuple[bytes, bytes, int], before: Channel | None, shared: Shared) -> Channel:
+    """That of a Connect without an answer so far, else the one that was there, else one by the farm file."""
+    frame_id = key[2]
+    asked = shared.asked.get(key)
     if (
         asked is not None
         and asked.template is not None
         and len(packet.payload) >= 2 + asked.template.layout.data_length + STATUS_LENGTH
     ):
+        if before is not None and before is not asked:
+            asked.inherit(before)
         return asked
+    if before is not None:
+        return before
     for drive, is_input in ((packet.source, True), (packet.destination, False)):
         template = shared.templates.get((drive, is_input))
         if template is not None and len(packet.payload) >= 2 + template.layout.data_length + STATUS_LENGTH:
