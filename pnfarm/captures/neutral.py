@@ -34,16 +34,14 @@ def describe_udp(datagram: UdpDatagram) -> Description:
 def ip_packet(packet: Packet, capture: Capture) -> Ipv4Packet | None:
     """The whole IP packet that a frame completes; None while fragments of it are missing."""
     ip = parse_ipv4(packet.payload)
-    capture.stations.learn(packet.source, ip=ip.source)
     if not (ip.more_fragments or ip.fragment_offset):
         return ip
     return capture.joined(ip, packet.time_ns)
 
 
-def arp(packet: Packet, capture: Capture) -> Iterator[Description]:
+def arp(packet: Packet, _: Capture) -> Iterator[Description]:
     """ARP: who asks for whose address."""
     pdu = parse_arp(packet.payload)
-    capture.stations.learn(pdu.sender_mac, ip=pdu.sender_ip)
     if pdu.operation == OPERATION_REPLY:
         yield Description("ARP", f"{pdu.sender_ip} is at {pdu.sender_mac.hex(':')}")
     elif pdu.operation != OPERATION_REQUEST:

@@ -9,7 +9,6 @@ from pnfarm.wire.mac import BROADCAST, format_mac, is_group
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from ipaddress import IPv4Address
 
     from pnfarm.drives.description.model import Model
 
@@ -53,19 +52,14 @@ class Stations:
     def __init__(self) -> None:
         self._names: Bounded[bytes, str] = Bounded()
         self._guessed: Bounded[bytes, str] = Bounded()
-        self._macs: Bounded[IPv4Address, bytes] = Bounded()
         self._models: Bounded[bytes, Model] = Bounded()
         self._vlans: Bounded[bytes, tuple[int, ...]] = Bounded()
 
-    def learn(
-        self, mac: bytes, *, name: str = "", ip: IPv4Address | None = None, model: Model | None = None, vlan: int = 0
-    ) -> None:
+    def learn(self, mac: bytes, *, name: str = "", model: Model | None = None, vlan: int = 0) -> None:
         if is_group(mac):
             return
         if name and name.isprintable():
             self._names[mac] = name
-        if ip is not None and int(ip):
-            self._macs[ip] = mac
         if model is not None:
             self._models[mac] = model
         if vlan and vlan not in (known := self._vlans.get(mac, ())) and len(known) < MOST_VLANS:
@@ -102,11 +96,6 @@ class Stations:
         if mac == BROADCAST:
             return "everybody"
         return "all" if is_group(mac) else format_mac(mac)
-
-    def at(self, ip: IPv4Address) -> str:
-        """The name of the station with this IP address, or the address."""
-        mac = self._macs.get(ip)
-        return self.name(mac) if mac is not None and (mac in self._names or mac in self._guessed) else str(ip)
 
     def model(self, mac: bytes) -> Model | None:
         return self._models.get(mac)

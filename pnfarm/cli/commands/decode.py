@@ -194,7 +194,6 @@ def _learn_farm(path: Path, decoder: Decoder) -> None:
     """Give the decoder the names, models and planned connections of a farm file."""
     from pnfarm.captures.decoder import LineDecoder, PlannedDrive
     from pnfarm.cli.farm_file import read
-    from pnfarm.config.ip import IpController, IpDeviceConfig, IpDriveConfig
     from pnfarm.controller.plan import plan_controllers
     from pnfarm.farm.farm import model_of
     from pnfarm.farm.file.reading import expand, expand_devices
@@ -208,13 +207,11 @@ def _learn_farm(path: Path, decoder: Decoder) -> None:
         if isinstance(own := decoder.buses[bus], LineDecoder):
             own.learn(station, model)
             continue
-        ip = station.ip if isinstance(station, IpDriveConfig | IpDeviceConfig) else None
-        stations.learn(station.mac, name=station.name, ip=ip.ip if ip is not None else None, model=model)
+        stations.learn(station.mac, name=station.name, model=model)
     for one in plan_controllers(config, drives, devices) if config.controllers else ():
         section = one.section
         if one.mac is not None:
-            ip = section.ip if isinstance(section, IpController) else None
-            stations.learn(one.mac, name=section.name, ip=ip.ip if ip is not None else None)
+            stations.learn(one.mac, name=section.name)
         if isinstance(own := decoder.buses[one.bus.name], LineDecoder):
             own.learn_controller(section)
         # those of other machines, whose addresses the file does not have, come last

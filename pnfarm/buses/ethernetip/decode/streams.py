@@ -72,8 +72,6 @@ class Streams:
         self._streams: Bounded[tuple[End, End], _Stream] = Bounded(MOST_STREAMS)
         #: Segments whose octets had been there before.
         self.repeated = 0
-        #: Times that octets were missing.
-        self.lost = 0
 
     def take(self, source: End, destination: End, segment: TcpSegment) -> Iterator[tuple[bytes, bool]]:
         """Messages that this segment completes, as octets, and whether octets are missing before each."""
@@ -155,7 +153,6 @@ class Streams:
 
     def _skip(self, stream: _Stream) -> Iterator[tuple[bytes, bool]]:
         """Octets are missing: go on at the first segment behind the gap that begins like a message."""
-        self.lost += 1
         due = stream.due or 0
         early = sorted(stream.early.items(), key=lambda entry: (entry[0] - due) % _NUMBERS)
         stream.early.clear()

@@ -86,8 +86,6 @@ def _learn(packet: Packet, pdu: DcpPdu, shared: Shared) -> None:
         match block:
             case blocks.NameBlock(name):
                 stations.learn(packet.source, name=name)
-            case blocks.IpParameterBlock(address):
-                stations.learn(packet.source, ip=address)
             case blocks.DeviceIdBlock(vendor, device):
                 learn_identity(stations, packet.source, vendor, device)
 
