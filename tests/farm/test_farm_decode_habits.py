@@ -273,6 +273,17 @@ def test_data_before_the_answer_to_another_connect_are_those_of_the_new_connecti
     assert not any(line.startswith("gap") for line in found)
 
 
+@pytest.mark.parametrize(("api", "told"), [(0, "index 0x002F"), (0x3A00, "index 0x002F (parameter access)")])
+def test_record_47_is_parameter_access_in_the_api_of_drives_alone(api, told):
+    header = IodReadReqHeader(
+        sequence_number=1, ar_uuid=UUID(int=5), api=api, slot=3, subslot=1, index=47, record_data_length=64
+    )
+    args = emit_request_args(RequestArgs(64, header.emit()), little_endian=True)
+    call = RpcPdu(PacketType.REQUEST, UUID_PNIO_DEVICE, UUID(int=9), opnum=Opnum.READ, body=args)
+    (line,) = in_words([udp(49_152, 34_964, emit_rpc(call))])
+    assert line.endswith(f"subslot 0x0001 {told}")
+
+
 def test_a_cancel_is_of_the_call_with_its_number():
     """Siemens' controllers leave its operation 0, which is that of Connect."""
     header = IodReadReqHeader(

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.connect import connect_request, connect_response, forget_asked
-from pnfarm.buses.profinet.decode.records import BASE_MODE_INDEXES, index_text
+from pnfarm.buses.profinet.decode.records import index_text, is_parameter_access
 from pnfarm.buses.profinet.decode.shared import Call
 from pnfarm.captures.neutral import describe_udp, ip_packet
 from pnfarm.captures.packet import Description
@@ -229,9 +229,10 @@ def _write(write: WriteRequest, device: bytes, shared: Shared) -> str:
 
 
 def _record(header: IodWriteReqHeader, data: bytes, device: bytes, shared: Shared) -> str:
-    if header.index in BASE_MODE_INDEXES:
+    model = shared.stations.model(device)
+    if is_parameter_access(header.api, header.index, drive=model is not None):
         shared.parameter_requests[device, header.slot, header.subslot, header.index] = data
-        return f"{_place(header)}: {parameter_request(data, shared.stations.model(device))}"
+        return f"{_place(header)}: {parameter_request(data, model)}"
     return f"{_place(header)}, {_content(data)}"
 
 
@@ -245,7 +246,7 @@ def _content(data: bytes) -> str:
 
 def _place(header: IodWriteReqHeader | IodWriteResHeader | IodReadReqHeader | IodReadResHeader) -> str:
     api = f"API 0x{header.api:04X} " if header.api else ""
-    return f"{api}slot {header.slot} subslot 0x{header.subslot:04X} index {index_text(header.index)}"
+    return f"{api}slot {header.slot} subslot 0x{header.subslot:04X} index {index_text(header.api, header.index)}"
 
 
 def _where(header: IodReadReqHeader | IodReadResHeader) -> Mapping[str, int]:
@@ -318,7 +319,8 @@ def _written(what: str, headers: tuple[IodWriteResHeader, ...], call: Call) -> D
 
 def _read(header: IodReadResHeader, data: bytes, call: Call, shared: Shared) -> str:
     place = _place(header)
-    if header.index in BASE_MODE_INDEXES:
+    model = shared.stations.model(call.server)
+    if is_parameter_access(header.api, header.index, drive=model is not None):
         asked = shared.parameter_requests.get((call.server, header.slot, header.subslot, header.index))
-        return f"{place}: {parameter_response(data, asked, shared.stations.model(call.server))}"
+        return f"{place}: {parameter_response(data, asked, model)}"
     return f"OK, {place}, {_content(data)}"

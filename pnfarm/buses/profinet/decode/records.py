@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-__all__ = ["BASE_MODE_INDEXES", "index_text"]
+from pnfarm.buses.profinet.decode.channels import PROFIDRIVE_API
 
-#: Base mode parameter access: the profile's two record numbers, and 47 of DP-V1 and of several drives.
-BASE_MODE_INDEXES = frozenset({0x002F, 0xB02E, 0xB02F})
+__all__ = ["index_text", "is_parameter_access"]
+
+#: Base mode parameter access: the profile's two record numbers, and 47 of DP-V1 and of several drives, which elsewhere
+#: is a record like any other.
+_BASE_MODE_INDEXES = frozenset({0xB02E, 0xB02F})
+_DATA_AREA = 47
 #: IEC 61158-6-10, coding of the field Index.
 _INDEXES = {
     0x8000: "expected identification of the subslot", 0x8001: "real identification of the subslot",
@@ -25,9 +29,14 @@ _INDEXES = {
 }  # fmt: skip
 
 
-def index_text(index: int) -> str:
+def is_parameter_access(api: int, index: int, *, drive: bool = False) -> bool:
+    """Whether a record is PROFIdrive's parameter access; ``drive``: of a station that is known to be one."""
+    return index in _BASE_MODE_INDEXES or (index == _DATA_AREA and (drive or api == PROFIDRIVE_API))
+
+
+def index_text(api: int, index: int) -> str:
     """``0xAFF0 (I&M0)``."""
-    if index in BASE_MODE_INDEXES:
+    if is_parameter_access(api, index):
         return f"0x{index:04X} (parameter access)"
     name = _INDEXES.get(index)
     return f"0x{index:04X} ({name})" if name else f"0x{index:04X}"
