@@ -65,13 +65,15 @@ def _entries(further: str) -> dict[str, Entry]:
         path, files = folder / MODEL_FILE, ModelFiles(folder)
         data, _ = joined_data(files, NAMING_FILES)
         name = str(required(data, "name", str(path)))
-        aliases = tuple(data.get("aliases", ()))
+        aliases = data.get("aliases", [])
+        if not isinstance(aliases, list) or not all(isinstance(word, str) for word in aliases):
+            raise ConfigError(f"{path}, aliases: {aliases!r} is not a list of names")
         for word in (name, *aliases):
             if word in owners:
                 raise ConfigError(f"{path}: {word!r} is already a name of {owners[word]}")
             owners[word] = path
         texts = {key: str(data.get(key, "")) for key in ("title", "maker", "bus", "edition")}
-        found[name] = Entry(name=name, aliases=aliases, **texts, folder=folder)
+        found[name] = Entry(name=name, aliases=tuple(aliases), **texts, folder=folder)
         products[name] = files.folders[0]
     order = list(dict.fromkeys(products.values()))
     return {name: found[name] for name in sorted(found, key=lambda name: (order.index(products[name]), name))}

@@ -128,6 +128,15 @@ def test_the_folder_of_the_shipped_models_may_be_named_too(monkeypatch) -> None:
     assert models() == before
 
 
+@pytest.mark.parametrize("aliases", ['"own"', "[[1]]", "1"])
+def test_aliases_that_are_no_list_of_names_are_refused(tmp_path: Path, monkeypatch, aliases: str) -> None:
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "model.toml").write_text(f'name = "own-servo"\naliases = {aliases}\n')
+    monkeypatch.setenv(catalogue.MODELS_VARIABLE, str(tmp_path))
+    with pytest.raises(ConfigError, match=r"aliases: .* is not a list of names"):
+        models()
+
+
 @pytest.mark.parametrize(("name", "aliases"), [("akd-profinet", "[]"), ("akd", "[]"), ("other", '["hiwin-e1"]')])
 def test_a_name_that_another_model_has_is_refused(tmp_path: Path, monkeypatch, name: str, aliases: str) -> None:
     folder = beside(tmp_path, name, aliases)
@@ -520,6 +529,41 @@ def test_a_mistake_in_a_models_file_is_named_by_file_row_and_field(
     with pytest.raises(ConfigError, match=message) as caught:
         load_model(folder)
     assert str(folder.parents[1]) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "message"),
+    [
+        (
+            "faults.csv",
+            lambda text: text.replace(b",", b";"),
+            r"faults\.csv, line 2, number: missing; the file's columns",
+        ),
+        ("faults.csv", lambda text: text.replace(b"kind", b"sort", 1), r"faults\.csv, line 2, kind: missing"),
+        ("faults.csv", lambda text: text.replace(b"lost", b"l\xf6st", 1), r"faults\.csv: 'utf-8' codec can't decode"),
+        (
+            "model.toml",
+            lambda text: text.replace(b"pnu = 1,", b"pnu = [1],"),
+            r"a value in its files has a wrong form",
+        ),
+        (
+            "model.toml",
+            lambda text: re.sub(rb"min_cycle_ns = .*", b"min_cycle_ns = 1000000", text),
+            r"limits\.min_cycle_ns: 1000000 stands alone; a value has its source",
+        ),
+    ],
+)
+def test_a_models_file_as_a_spreadsheet_or_a_beginner_writes_it_is_refused_and_named(folder, file, change, message):
+    path = file_of(folder, file)
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(ConfigError, match=message):
+        load_model(folder)
+
+
+def test_a_byte_order_mark_before_a_table_changes_nothing(folder: Path) -> None:
+    for path in (file_of(folder, "faults.csv"), file_of(folder, "parameters.csv")):
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert load_model(folder).faults == model("akd-profinet").faults
 
 
 def test_a_missing_file_is_named(folder: Path) -> None:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
     #: A place in a file, or a function that finds it for an error message.
@@ -85,18 +85,30 @@ def place_of(where: Where) -> str:
 # CSV
 
 
+class _Row(dict[str, str]):
+    """The cells of a row by their columns; another column is an error of the file."""
+
+    def __init__(self, cells: Iterable[tuple[str, str]], where: str) -> None:
+        super().__init__(cells)
+        self._where = where
+
+    def __missing__(self, column: str) -> str:
+        raise ConfigError(f"{self._where}, {column}: missing; the file's columns are {', '.join(self)}")
+
+
 def rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
     """The rows of a CSV file with a place for error messages."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        # spreadsheets begin a UTF-8 file with a byte order mark
+        with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.reader(file)
             columns = next(reader, [])
             for cells in filter(None, reader):
                 where = f"{path}, line {reader.line_num}"
                 if len(cells) != len(columns):
                     raise ConfigError(f"{where}: must have {len(columns)} columns")
-                yield where, dict(zip(columns, cells, strict=True))
-    except OSError as exc:
+                yield where, _Row(zip(columns, cells, strict=True), where)
+    except (OSError, UnicodeDecodeError, csv.Error) as exc:
         raise ConfigError(f"{path}: {exc}") from exc
 
 

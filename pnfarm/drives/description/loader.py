@@ -68,6 +68,14 @@ TEXTS = ("name", "title", "maker", "bus", "manual", "edition", "firmware_version
 
 def load_model(folder: Path) -> Model:
     """Read and check a model's folder, and those of its bus and its product."""
+    try:
+        return _load(folder)
+    except (TypeError, AttributeError, LookupError, ValueError) as exc:
+        # TOML has values of every form anywhere: a list where a text has to be
+        raise ConfigError(f"{folder}: a value in its files has a wrong form: {exc}") from exc
+
+
+def _load(folder: Path) -> Model:
     files = ModelFiles(folder)
     sections = Sections(files)
     numbering = read_numbering(sections.section("numbering"))

@@ -209,6 +209,9 @@ class Sections:
         if name in _OF_THE_AXIS or name.startswith(f"{MOTORS}."):
             entries = flat(entries)
         for key, entry in entries.items():
+            if not isinstance(entry, dict):
+                wanted = 'a value has its source: { value = ..., source = "..." }'
+                raise ConfigError(f"{self.place(name, key)}: {entry!r} stands alone; {wanted}")
             if missing := [part for part in ("value", "source") if part not in entry]:
                 raise ConfigError(f"{self.place(name, key)}, {missing[0]}: missing")
             value, source = entry["value"], entry["source"]
