@@ -121,6 +121,15 @@ def test_aliases_of_a_module_s_data_name_its_signals(imported):
     assert "no signal for the tag 'Far'" in comments(out)
 
 
+def test_any_number_of_aliases_outside_of_a_module_s_data_are_left_out(imported):
+    outside = [alias(f"Far{number}", f"Valves:I.Data[{number}]") for number in range(100, 250)]
+    tags = [alias("Near", "Valves:I.Data[1].3"), *outside]
+    result, out = imported(module("Valves", "192.168.1.20", connection(4, 4)), tags=tags)
+    assert result.code == 0
+    assert result.err.count("left out: signals.Far") == 150
+    assert set(groups(out)["valves"].signals) == {"Near"}
+
+
 def test_a_drive_s_identity_says_which_model_it_is(imported):
     facts = {key: one.value for key, one in model("akd-ethernetip").bus_facts.items()}
     identity = {"Vendor": facts["vendor_id"], "ProductType": facts["device_type"], "ProductCode": facts["product_code"]}

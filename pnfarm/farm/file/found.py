@@ -145,19 +145,21 @@ def _without(
 ) -> list[_Played]:
     """The drives and devices without what is refused; those that are refused as a whole become other stations."""
     parts = _parts(stations)
-    refused: dict[tuple[str, int], tuple[Location, str]] = {}
+    refused: dict[tuple[str, int], dict[Location, str]] = {}
     for issue in issues:
         why = f"{issue.what}; allowed: {issue.allowed}" if issue.allowed else issue.what
         why = why if len(why) <= _MOST_OF_NOTE else f"{why[:_MOST_OF_NOTE]} ..."
         match parse_path(issue.field):
             case (str(part), int(number), *inside) if part in parts:
-                # one of each station: the next one may be a consequence
-                refused.setdefault((part, number), (tuple(inside), why))
+                known = refused.setdefault((part, number), {})
+                # of each station one, and others beside it: any other may be a consequence
+                if not known or (inside[:-1] and inside[:-1] == [*next(iter(known))][:-1]):
+                    known.setdefault(tuple(inside), why)
             case () | ("drives",) | ("devices",) as path if len(stations) > 1:
                 # too many
                 part = str(path[0]) if path else max(parts, key=lambda one: len(parts[one]))
                 for number in range(len(parts[part]) // 2, len(parts[part])):
-                    refused[part, number] = ((), why)
+                    refused[part, number] = {(): why}
             case _:
                 raise ConfigError(f"{issue.field or 'the farm file'}: {why}")
     kept: list[_Played] = []
@@ -165,15 +167,21 @@ def _without(
         if (part, number) not in refused:
             kept.append(one)
             continue
-        path, why = refused[part, number]
+        paths = refused[part, number]
+        path, why = next(iter(paths.items()))
         if path[:1] == ("name",) and not one.name.startswith(_ANY_NAME):
             notes = (f"its name was {one.name!r}", *one.notes)
             kept.append(replace(one, name=f"{_ANY_NAME}{part[:-1]}-{number + 1}", notes=notes))
-        elif (smaller := _smaller(one, path)) is not None:
-            found, what = smaller
-            told = _printable(f"left out: {what}: {why}")
-            left_out.append(f"{one.name}: {told}")
-            kept.append(replace(found, notes=(told, *one.notes)))
+            continue
+        left, notes = one, one.notes
+        for path, why in paths.items():
+            if (smaller := _smaller(left, path, whole=left is not one)) is not None:
+                left, what = smaller
+                told = _printable(f"left out: {what}: {why}")
+                left_out.append(f"{one.name}: {told}")
+                notes = (told, *notes)
+        if left is not one:
+            kept.append(replace(left, notes=notes))
         else:
             told = _printable(f"cannot be in a farm: {why}")
             left_out.append(f"{one.name}: {told}")
@@ -181,8 +189,11 @@ def _without(
     return kept
 
 
-def _smaller(station: _Played, inside: Location) -> tuple[_Played, str] | None:
-    """The station without the innermost of its keys on this path, and which that was; None: it has no such key."""
+def _smaller(station: _Played, inside: Location, *, whole: bool = False) -> tuple[_Played, str] | None:
+    """The station without the innermost of its keys on this path, and which that was; None: it has no such key.
+
+    ``whole``: only where the path is there to its end.
+    """
     keys: Any = deepcopy(dict(station.keys))
     holder, last, path = None, None, []
     level = keys
@@ -194,7 +205,7 @@ def _smaller(station: _Played, inside: Location) -> tuple[_Played, str] | None:
         holder, last = level, found
         path.append(str(found))
         level = level[found]
-    if holder is None:
+    if holder is None or (whole and len(path) < len(inside)):
         return None
     value = holder.pop(last)
     return replace(station, keys=_without_empty(keys)), f"{'.'.join(path)} {shown(value)}"
