@@ -213,6 +213,22 @@ def test_a_file_whose_assemblies_multiply_is_refused_before_it_fills_the_memory(
         parse_sheet(DEVICE + text.encode())
 
 
+@pytest.mark.parametrize(
+    "text",
+    ['[Params] Param1 = 0,,"{}";', "[Params] Param1 = 0,,,0,{};", '[Params] Param1 = 0 "{}";', '"{}"'],
+)
+def test_a_message_about_a_wrong_entry_is_one_line_however_long_the_entry_is(text):
+    with pytest.raises(DecodeError) as refused:
+        parse_sheet(DEVICE + text.format("Pa" * 100_000).encode())
+    assert len(str(refused.value)) < 200
+
+
+def test_a_path_that_no_message_has_room_for_is_refused():
+    text = '[Params]\nParam1 = 0,,,0,0xD0,500,"X";\nParam2 = 0,,"Param1 Param1";'
+    with pytest.raises(DecodeError, match="line 4: Param2: its path 'Param1 Param1' is longer than 510 octets"):
+        parse_sheet(DEVICE + text.encode())
+
+
 def test_a_connection_that_cannot_be_followed_leaves_the_others():
     text = OCTETS.replace(b"Param9, , Assem102,     $", b"Param9, , Assem99,     $")
     sheet = parse_sheet(text)

@@ -10,6 +10,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.eds.document import Limits, Parameter
 from pnfarm.protocols.enip.eds.text import EdsString, whole
 from pnfarm.protocols.enip.wire.data_types import TYPES
+from pnfarm.vocabulary.quoting import shown
 from pnfarm.wire.value_types import ValueType
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ __all__ = ["LONGEST_DATA", "NUMBERED", "FieldReader", "numbered", "refusal"]
 
 #: Octets of data that a frame has room for.
 LONGEST_DATA: Final = 1400
+#: Octets of a path, whose length a message has as an octet of words.
+_LONGEST_PATH: Final = 2 * 0xFF
 #: Octets of one parameter.
 _LONGEST_VALUE: Final = 500
 _U8, _U16 = 0xFF, 0xFFFF
@@ -72,7 +75,7 @@ class FieldReader:
             return default
         found = whole(text)
         if found is None:
-            raise refusal(entry, f"{what} {text!r} is not a number")
+            raise refusal(entry, f"{what} {shown(text)} is not a number")
         if not 0 <= found <= most:
             raise refusal(entry, f"{what} is {found}, not 0 to {most}")
         return found
@@ -87,7 +90,7 @@ class FieldReader:
             named = match is not None and match[1].casefold() == "param" and int(match[2]) in self.entries
             parameter = self.parameter(int(match[2])) if match is not None and named else None
             if parameter is None or not isinstance(parameter.default, int):
-                raise refusal(entry, f"{what} {text!r} is not a number, and no default of a parameter")
+                raise refusal(entry, f"{what} {shown(text)} is not a number, and no default of a parameter")
             default = parameter.default
             least, greatest = parameter.minimum, parameter.maximum
             ends = (0, most) if free else (default, default)
@@ -121,7 +124,7 @@ class FieldReader:
                         texts.setdefault(len(texts) if value is None else value, one.value.strip())
                         value = None
                     elif isinstance(one, str) and one and (value := whole(one)) is None:
-                        raise refusal(entry, f"field {place + 1}, {one!r}, is neither a number nor a text")
+                        raise refusal(entry, f"field {place + 1}, {shown(one)}, is neither a number nor a text")
                 found.setdefault(number, texts)
         return found
 
@@ -186,11 +189,11 @@ class FieldReader:
             if bound and abs(number) > kind.limits[1]:
                 return None
             if not math.isfinite(number) or not kind.limits[0] <= number <= kind.limits[1]:
-                raise refusal(entry, f"its value {text!r} is not a number of {kind.name}")
+                raise refusal(entry, f"its value {shown(text)} is not a number of {kind.name}")
             return number
         found = whole(text)
         if found is None:
-            raise refusal(entry, f"its value {text!r} is not a number")
+            raise refusal(entry, f"its value {shown(text)} is not a number")
         least, most = (int(limit) for limit in kind.limits)
         if kind.kind == "int" and text.lower().startswith("0x") and most < found <= most - least:
             found += least - most - 1
@@ -207,16 +210,18 @@ class FieldReader:
         while at < len(text):
             match = _PATH_PART.match(text, at)
             if match is None or (match[2] and self._numbered_in(match[2]) is None):
-                raise refusal(entry, f"its path {text!r} is not octets alone")
+                raise refusal(entry, f"its path {shown(text)} is not octets alone")
             if match[1]:
                 found.append(int(match[1], 16))
             else:
                 parameter = self.parameter(int(match[2][5:]))
                 found += parameter.encode(parameter.default)
             at = match.end()
+            if len(found) > _LONGEST_PATH:
+                raise refusal(entry, f"its path {shown(text)} is longer than {_LONGEST_PATH} octets")
         path = _padded(bytes(found))
         if len(path) % 2:
-            raise refusal(entry, f"its path {text!r} is not whole words")
+            raise refusal(entry, f"its path {shown(text)} is not whole words")
         return path
 
     def _numbered_in(self, keyword: str) -> EdsEntry | None:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.errors import DecodeError
+from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -162,7 +163,7 @@ class _Tokens:
         return True
 
     def refuse(self, wanted: str) -> DecodeError:
-        return DecodeError("bad-entry", f"line {self.line(self.place)}: {wanted} is missing before {self.value!r}")
+        return DecodeError("bad-entry", f"line {self.line(self.place)}: {wanted} is missing before {shown(self.value)}")
 
 
 def parse_eds(data: bytes) -> Eds:
@@ -177,7 +178,9 @@ def parse_eds(data: bytes) -> Eds:
     sections: list[EdsSection] = []
     while tokens.kind:
         if tokens.kind != "section":
-            raise DecodeError("bad-section", f"line {tokens.line(tokens.place)}: no section before {tokens.value!r}")
+            raise DecodeError(
+                "bad-section", f"line {tokens.line(tokens.place)}: no section before {shown(tokens.value)}"
+            )
         name = tokens.value[1:-1].strip()
         tokens.next()
         entries = []
