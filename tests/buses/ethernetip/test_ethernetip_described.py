@@ -10,8 +10,10 @@ from device_cell import CONFIGS, HEAD, Cell, parse
 from peer import Rig, io_path
 
 import pnfarm
+from pnfarm.buses.ethernetip.described.parameters import ParameterValues, objects_at_paths
 from pnfarm.cli.farm_file import described
 from pnfarm.farm.file.reading import FarmFileError, expand_devices, parse_farm
+from pnfarm.protocols.enip.eds.reader import parse_sheet
 from pnfarm.protocols.enip.originator_events import ConnectionMade, ConnectionNotMade
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, emit_epath, logical_path
@@ -310,6 +312,13 @@ def test_objects_have_what_the_file_says(rig):
     rig.farm.station("weigher").signals.set({"slot102_weight": 1.5})
     assert peer.get(0x64, 1, 1).data == peer.get(0x0F, 1, 1).data == struct.pack("<i", 1500)
     assert peer.get(0xF6, 1, 10).data == b"\6Port 1"
+
+
+def test_a_class_with_an_instance_of_32_bits_answers_for_its_highest_instance():
+    text = b'[Device] VendCode = 1; [Params] Param1 = 0,,"20 64 26 00 00 00 01 00 30 01",0,0xC7,2,X;'
+    values = ParameterValues(parse_sheet(text).parameters, lambda one: one.encode(one.default), {}, strict=True)
+    (found,) = objects_at_paths(values)
+    assert found.get(0, 2).data == b"\xff\xff"
 
 
 def test_a_parameter_is_written_at_its_path_by_the_object_and_by_the_assembly_and_wrong_values_are_refused(rig):

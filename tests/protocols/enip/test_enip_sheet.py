@@ -223,9 +223,14 @@ def test_a_message_about_a_wrong_entry_is_one_line_however_long_the_entry_is(tex
     assert len(str(refused.value)) < 200
 
 
+def test_a_parameter_with_a_number_that_no_instance_has_is_refused():
+    with pytest.raises(DecodeError, match="line 3: Param70000: its number is above 65535"):
+        parse_sheet(DEVICE + b"[Params]\nParam70000 = 0,,,0,0xC7,2,X;")
+
+
 def test_a_path_that_no_message_has_room_for_is_refused():
     text = '[Params]\nParam1 = 0,,,0,0xD0,500,"X";\nParam2 = 0,,"Param1 Param1";'
-    with pytest.raises(DecodeError, match="line 4: Param2: its path 'Param1 Param1' is longer than 510 octets"):
+    with pytest.raises(DecodeError, match="line 4: Param2: its path 'Param1 Param1' is longer than 255 octets"):
         parse_sheet(DEVICE + text.encode())
 
 

@@ -21,8 +21,8 @@ __all__ = ["LONGEST_DATA", "NUMBERED", "FieldReader", "numbered", "refusal"]
 
 #: Octets of data that a frame has room for.
 LONGEST_DATA: Final = 1400
-#: Octets of a path, whose length a message has as an octet of words.
-_LONGEST_PATH: Final = 2 * 0xFF
+#: Octets of a path, whose number the Parameter object has in one octet (CIP volume 1, 5A-14.2).
+_LONGEST_PATH: Final = 0xFF
 #: Octets of one parameter.
 _LONGEST_VALUE: Final = 500
 _U8, _U16 = 0xFF, 0xFFFF
@@ -134,6 +134,8 @@ class FieldReader:
         return self._parameters[number]
 
     def _read_parameter(self, number: int, entry: EdsEntry) -> Parameter:
+        if number > _U16:
+            raise refusal(entry, f"its number is above {_U16}, the highest instance of a parameter")
         code = self.whole(entry, _TYPE, 0, _U8, what="its data type")
         size = self.whole(entry, _SIZE, 0, _LONGEST_VALUE, what="its data size")
         if not size:

@@ -49,8 +49,8 @@ def integer_of(data: bytes, size: int, *, signed: bool) -> int | Answer:
 
 
 def class_attribute(attribute: int, highest: int, count: int) -> Answer:
-    """Attributes of a class (CIP volume 1, 4-4.1): revision 1, highest instance, number of instances."""
-    values = {REVISION: 1, MAX_INSTANCE: highest, NUMBER_OF_INSTANCES: count}
+    """Attributes of a class (CIP volume 1, 4-4.1): revision 1, highest instance of 16 bits, number of instances."""
+    values = {REVISION: 1, MAX_INSTANCE: min(highest, 0xFFFF), NUMBER_OF_INSTANCES: count}
     if attribute not in values:
         return refused(GeneralStatus.ATTRIBUTE_NOT_SUPPORTED)
     return Answer(data=values[attribute].to_bytes(2, "little"))
