@@ -22,7 +22,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
 from pnfarm.links.base import PortSpec
 from pnfarm.protocols.profinet.gsdml.document import ModuleItem
-from pnfarm.protocols.profinet.gsdml.records import ParameterConst, ParameterRecord
+from pnfarm.protocols.profinet.gsdml.records import ParameterConst, ParameterRecord, ParameterRef
 from pnfarm.protocols.profinet.gsdml.values import Numbers
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 from pnfarm.station.event_log import EventLog
@@ -193,6 +193,19 @@ def test_parameter_records_of_the_file_are_written_and_the_farm_files_take_their
     own += "    - {{api: 0x3A00, slot: 1, subslot: 1, index: 7, data: '01', on: other-*}}\n"
     (plan,) = plans(tmp_path, text=own)
     assert [(r.index, r.data.hex()) for r in plan.records] == [(5, "0500"), (6, "beef")]
+
+
+def test_a_record_whose_default_cannot_be_put_together_is_given_as_a_whole(tmp_path):
+    gsdml = describe_model(model("akd"))
+    across = ParameterRef("BitArea", 0, bit_offset=6, bit_length=4, default="2", name="Mode")
+    (dap,) = gsdml.daps
+    head = replace(dap.submodules[0], records=(ParameterRecord(7, 2, refs=(across,)),))
+    write(tmp_path, replace(gsdml, daps=(replace(dap, submodules=(head, *dap.submodules[1:])),)))
+    with pytest.raises(ConfigError, match="of this one the whole record has to be given"):
+        plans(tmp_path)
+    text = FILE + "  records: [{{slot: 0, subslot: 1, index: 7, data: '80 01'}}]\n"
+    (planned,) = plans(tmp_path, text=text)
+    assert [(one.index, one.data) for one in planned.records] == [(7, b"\x80\x01")]
 
 
 def test_a_device_without_an_address_gets_a_free_one(tmp_path):

@@ -137,6 +137,7 @@ def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Pa
             submodules={
                 (slot, subslot): i for slot, items in device.submodules.items() for subslot, i in items.items()
             },
+            replaced={(r.api, r.slot, r.subslot, r.index) for r in _records(section, device.name)},
         )
         remarks = tuple(f"{path.name}, {remark}" for remark in gsdml.remarks)
         return replace(_plan_described(section, device, gsdml, planned, ip, device.startup), remarks=remarks)

@@ -13,12 +13,14 @@ from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
 from pnfarm.wire.rtc import SEND_CLOCK_FACTORS, SEND_CLOCK_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Container, Iterator, Mapping
 
     from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml
     from pnfarm.protocols.profinet.gsdml.records import ParameterRecord as Described
     from pnfarm.protocols.profinet.gsdml.station import Place, PluggedStation, PluggedSubmodule, Wanted
 
+    #: API, slot, subslot, index.
+    RecordPlace = tuple[int, int, int, int]
     #: (slot, subslot, index) -> a record as a whole, or values by the names that the file gives them.
     Parameters = Mapping[tuple[int, int, int], bytes | Mapping[str, str | float]]
 
@@ -109,8 +111,9 @@ class PlannedDevice:
 class _Parameters:
     """Records with what the user changes of them."""
 
-    def __init__(self, parameters: Parameters) -> None:
+    def __init__(self, parameters: Parameters, replaced: Container[RecordPlace]) -> None:
         self._left = dict(parameters)
+        self._replaced = replaced
 
     def of(self, submodule: PluggedSubmodule, record: Described) -> ParameterRecord:
         """One record as it is written."""
@@ -123,6 +126,8 @@ class _Parameters:
                     f"it has {record.length}"
                 )
             data = given
+        elif given is None and (submodule.api, slot, subslot, record.index) in self._replaced:
+            data = record.defaults()
         else:
             data = record.octets(given)
         return ParameterRecord(submodule.api, slot, subslot, record.index, data)
@@ -162,22 +167,31 @@ def from_gsdml(
     modules: Mapping[int, Wanted | None] | None = None,
     submodules: Mapping[Place, Wanted | None] | None = None,
     parameters: Parameters | None = None,
+    replaced: Container[RecordPlace] = (),
 ) -> PlannedDevice:
     """Plan a device.
 
     ``dap``, ``modules`` and ``submodules`` are as :func:`~pnfarm.protocols.profinet.gsdml.station.plug_station` takes
-    them.  ``parameters`` (slot, subslot, index) changes records from their defaults.  Raises :class:`ConfigError` for
-    whatever the file does not allow.
+    them.  ``parameters`` (slot, subslot, index) changes records from their defaults; those that are ``replaced`` (API,
+    slot, subslot, index) need no default that can be put together.  Raises :class:`ConfigError` for whatever the file
+    does not allow.
     """
-    return plan_station(plug_station(gsdml, access_point=dap, modules=modules, submodules=submodules), parameters)
+    station = plug_station(gsdml, access_point=dap, modules=modules, submodules=submodules)
+    return plan_station(station, parameters, replaced=replaced)
 
 
-def plan_station(station: PluggedStation, parameters: Parameters | None = None, *, safe: bool = False) -> PlannedDevice:
+def plan_station(
+    station: PluggedStation,
+    parameters: Parameters | None = None,
+    *,
+    safe: bool = False,
+    replaced: Container[RecordPlace] = (),
+) -> PlannedDevice:
     """The same of a device that is plugged already.
 
     ``safe``: fail-safe submodules are planned as all others, and exchange data without the safety protocol.
     """
-    changed = _Parameters(parameters or {})
+    changed = _Parameters(parameters or {}, replaced)
     submodules_planned = tuple(_planned(station, safe=safe))
     written = [
         (record.transfer_sequence, changed.of(submodule, record))
