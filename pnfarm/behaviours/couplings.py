@@ -9,7 +9,8 @@ torque of a spring is constant from one step to the next::
   T (1 + q) = k (d + h w / 2) + q m a, with 1 + q = (z / sin z)^2, z = h sqrt(k / m) / 2, and a the acceleration that
   other torques gave in the last step.  At rest T = k d.  A damper adds c (w + w') / 2.
 * With backlash T = (V(d') - V(d)) / (d' - d), V the spring's energy: the sum of energies is the same in each step.
-* Rigid shafts: both get the speed and the place of their common centre of mass.
+* Rigid shafts: both get the speed and the place of their common centre of mass, and for their next step the torque
+  that was between them in the last one.
 
 A damper takes energy, nothing gives some.  A spring too stiff for the step (z above 0.5) is as stiff as it allows.
 """
@@ -143,12 +144,22 @@ def couple(coupling: Any, axes: Any, values: Any, seconds: float, step: float) -
     faster = speed - other_speed
     mass = own * inertia / (own + inertia)
     if coupling.kind == COUPLING_RIGID:
-        common = (own * speed + inertia * other_speed) / (own + inertia)
         part = inertia / (own + inertia)
+        # a shaft that the plant holds gives way to none
+        if first.outside.leads:
+            part, mass = 0.0, inertia
+        elif axes[coupling.second].outside.leads:
+            part, mass = 1.0, own
+        common = speed - part * faster
         _move(first, angle - part * twist, common)
         _move(axes[coupling.second], (other_angle + (1.0 - part) * twist) * ratio, common * ratio)
-        # what one of them took from the other in the step
-        values[_TORQUE] = mass * faster / seconds if seconds > 0.0 else 0.0
+        # with what one took from the other in the step; it is on both in the next one, or a brake on one would not
+        # hold the other, which would creep
+        if seconds > 0.0:
+            coupling.torque += mass * faster / seconds
+        first.outside.torque += coupling.torque
+        axes[coupling.second].outside.torque -= coupling.torque / ratio
+        values[_TORQUE] = coupling.torque
         values[_TWIST] = twist / TURN
         coupling.begun = 1
         return

@@ -295,7 +295,7 @@ async def test_a_subscription_is_its_own_client_s_alone(farm):
         number = subscription.subscription_id
         (status,) = await other.uaclient.delete_subscriptions([number])
         assert status.name == "BadSubscriptionIdInvalid"
-        with pytest.raises(UaStatusCodeError, match="BadServiceUnsupported|not support"):
+        with pytest.raises(UaStatusCodeError, match="BadServiceUnsupported"):
             await other.uaclient.transfer_subscriptions(ua.TransferSubscriptionsParameters(SubscriptionIds=[number]))
         theirs = await other.create_subscription(20, Notified())
         theirs.subscription_id = number

@@ -44,7 +44,9 @@ class Shaft:
         return 0.5 * self.inertia * self.speed**2
 
 
-def _line(models: str, *, step: str = "1ms", axes: int = 1, inertia: float = 1e-4, friction: float = 0.0) -> Line:
+def _line(
+    models: str, *, step: str = "1ms", axes: int = 1, inertia: float = 1e-4, friction: float = 0.0, wires: str = ""
+) -> Line:
     names = ", ".join(
         f"{{name: x{n}, model: akd-profinet, ip: 10.77.0.{n}/24, "
         f"load: {{inertia: {inertia}, friction: {friction}, damping: 0}}}}"
@@ -52,6 +54,7 @@ def _line(models: str, *, step: str = "1ms", axes: int = 1, inertia: float = 1e-
     )
     return Line.from_text(
         f"farm: t\nlink: {{kind: memory}}\ndrives: [{names}]\nplant:\n  step: {step}\n  models: [{models}]\n"
+        f"  wires: [{wires}]\n"
     )
 
 
@@ -115,6 +118,59 @@ def test_axes_with_a_rigid_coupling_turn_as_one_by_their_ratio():
         assert second.speed == pytest.approx(3 * first.speed, abs=1e-9)
         # the torque accelerates both inertias, the second one nine times as seen by the first
         assert first.speed == pytest.approx(2.0 * 0.01 / (first.inertia + 9 * second.inertia), rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("holds", "torque"),
+    [
+        ("button.on -> x1.brake_applied", -0.02),
+        ("place.value -> x1.load_position", -0.02),
+        ("place.value * 1 revolutions -> x1.stop_high", -0.02),
+        ("place.value -> x2.load_position", 0.0),
+    ],
+)
+def test_what_holds_one_of_two_rigid_axes_holds_both(holds: str, torque: float):
+    models = (
+        "{name: gear, kind: rigid-coupling, axes: [x1, x2], ratio: 2}, {name: button, kind: push-button}, "
+        "{name: place, kind: first-order, time_constant: 0ms}"
+    )
+    with _line(models, axes=2, wires=holds) as line:
+        first, second = Shaft(line, 0), Shaft(line, 1)
+        line.plant.button.press = True
+        line.core.axes[1].handle.axis.load.settings.torque = -0.01
+        line.run(0.5)
+        angle = second.angle
+        line.run(1.0)
+        assert second.angle == pytest.approx(angle, abs=1e-6)
+        assert (first.speed, second.speed) == pytest.approx((0.0, 0.0), abs=1e-6)
+        # the load of the second, as seen by the first
+        assert line.plant.gear.torque == pytest.approx(torque, abs=1e-6)
+
+
+def test_a_drive_that_turns_another_shaft_by_a_rigid_coupling_has_one_inertia_more():
+    text = """
+farm: t
+link: {kind: memory}
+drives:
+- {name: "x{n}", count: 2, model: akd-profinet, ip: 10.77.0.11/24, load: {inertia: 1.0e-4, friction: 0, damping: 0}}
+controller: {ip: 10.77.0.1/24, program: {kind: constant, speed_rpm: 600}}
+plant:
+"""
+    whole = "  models: [{name: more, kind: first-order, time_constant: 0ms, rest: 1.0e-4, start: 1.0e-4}]\n"
+    whole += "  wires: [more.value -> x1.load_inertia]\n"
+    found = []
+    for plant in (whole, "  models: [{name: gear, kind: rigid-coupling, axes: [x1, x2]}]\n"):
+        with Line.from_text(text + plant) as line:
+            first, _ = Shaft(line, 0), Shaft(line, 1)
+            line.core.axes[1].handle.axis.powered = 0
+            line.wait_until(lambda first=first: first.speed > 0.0, 2.0)
+            speeds = []
+            for _ in range(500):
+                line.run(1e-3)
+                speeds.append(first.speed)
+            found.append(speeds)
+    assert max(found[0]) > 63.0
+    assert max(abs(one - two) for one, two in zip(*found, strict=True)) < 1.0
 
 
 def test_backlash_leaves_the_shaft_free_between_its_stops():
