@@ -130,14 +130,16 @@ class PlantTable:
         self.row[0].engine = columns.engine.ctypes.data
         self.row[0].probed = plan.values
         self._step_ns = plan.step_ns
+        # compiled here, if it is not cached: half a minute, before the farm's time begins
+        self._call = address_of(take_step, PLANT)
 
     def attach(self) -> None:
-        """Have the engine step it; it is compiled here, if it is not cached."""
+        """Have the engine step it."""
         engine = self._columns.engine[0]
         engine.plant_row = self.row.ctypes.data
         engine.plant_step_ns = self._step_ns
         # set last: from now on the engine looks at the others
-        engine.plant_call = address_of(take_step, PLANT)
+        engine.plant_call = self._call
 
     def follow_telegram(self, axis: str) -> None:
         """Another telegram of an axis is in force, which has its bits elsewhere."""

@@ -163,3 +163,9 @@ def test_a_plant_that_is_late_makes_a_failure_inconclusive():
         line.run(0.001)
         assert lateness.was_late(begin, line.now_ns)
         assert "plant" in lateness.told
+
+
+def test_a_plants_step_is_compiled_before_its_time_begins(monkeypatch):
+    bench = PlantBench({"name": "button", "kind": "push-button"}, in_real_time=True)
+    monkeypatch.setattr("pnfarm.plant.table.address_of", lambda *_: pytest.fail("compiled while the farm's time runs"))
+    bench.start(bench.now)
