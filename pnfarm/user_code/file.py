@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
+from pnfarm.vocabulary.regular_file import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,11 +30,11 @@ _numbers = count(1)
 def run_file(path: Path, key: str) -> ModuleType:
     """The module that a file makes; ``key`` of the farm file names it in messages.  Raises :class:`ConfigError`."""
     try:
-        source = path.read_bytes()
+        source = read_regular(path, MAX_OCTETS + 1)
     except OSError as exc:
         raise ConfigError(f"{key}: {path} cannot be read: {(exc.strerror or '').lower()}") from exc
     if len(source) > MAX_OCTETS:
-        raise ConfigError(f"{key}: {path} has {len(source)} octets; at most {MAX_OCTETS}")
+        raise ConfigError(f"{key}: {path} has more than {MAX_OCTETS} octets")
     digest = sha256(str(path.resolve()).encode()).hexdigest()[:8]
     module = ModuleType(f"pnfarm_user_{digest}_{next(_numbers)}")
     module.__file__ = str(path)
@@ -41,8 +42,8 @@ def run_file(path: Path, key: str) -> ModuleType:
         code = compile(source, str(path), "exec")
     except SyntaxError as exc:
         raise ConfigError(f"{path}:{exc.lineno or 1}: {exc.msg}") from exc
-    except ValueError as exc:
-        raise ConfigError(f"{path}:1: {exc}") from exc
+    except (ValueError, RecursionError, MemoryError) as exc:
+        raise ConfigError(f"{path}:1: {str(exc) or 'nested too deeply'}") from exc
     # dataclasses look their module up
     sys.modules[module.__name__] = module
     try:
