@@ -241,3 +241,10 @@ def test_devices_whose_shard_was_away_at_first_are_shown_when_it_comes():
         await until(() => app.textContent.includes("island"));
         return true;
     """)
+
+
+def test_a_minute_past_midnight_is_no_24th_hour():
+    assert played("""
+        const {clock} = await import(page + "lib/words.js");
+        return [0, 13].map(hour => clock(new Date(2026, 0, 1, hour, 5, 6).getTime() / 1000));
+    """) == ["00:05:06", "13:05:06"]

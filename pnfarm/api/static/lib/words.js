@@ -34,5 +34,5 @@ export function time(seconds) {
 }
 
 export const hex = value => `0x${(value >>> 0).toString(16).toUpperCase().padStart(4, "0")}`;
-export const clock = seconds => new Date(seconds * 1000).toLocaleTimeString([], {hour12: false});
+export const clock = seconds => new Date(seconds * 1000).toLocaleTimeString([], {hourCycle: "h23"});
 export const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
