@@ -248,3 +248,94 @@ def test_a_minute_past_midnight_is_no_24th_hour():
         const {clock} = await import(page + "lib/words.js");
         return [0, 13].map(hour => clock(new Date(2026, 0, 1, hour, 5, 6).getTime() / 1000));
     """) == ["00:05:06", "13:05:06"]
+
+
+def test_a_drive_that_gets_the_place_of_another_one_has_none_of_its_values_and_is_there_once():
+    assert played("""
+        const live = await import(page + "lib/live.js");
+        live.look({});
+        const two = {...FARM, drives: 2}, values = {velocity: [[0, 1], [1000, 2000]]};
+        say("farm", two);
+        say("overview", {seconds: 1, rows: {0: row("axis-01"), 1: row("axis-02")}, values});
+        // at a hub: one has gone, and of the one that has come nothing is known yet
+        say("farm", two);
+        say("overview", {seconds: 2, rows: {0: row("axis-02")}, values: {velocity: [[0], [2000]]}});
+        const known = live.farm.drives.filter(one => one.known);
+        return known.map(one => [one.name, [...one.history].filter(one => !Number.isNaN(one))]);
+    """) == [["axis-02", [200]]]
+
+
+RESTARTED = """
+    const usual = setTimeout, wait = seconds => new Promise(done => usual(done, seconds * 1000));
+    globalThis.setTimeout = (done, after, ...more) => usual(done, Math.min(after, 60), ...more);
+    location.hash = "#/drive/axis-01/events";
+    answers["GET devices"] = {devices: []};
+    await import(page + "main.js");
+    await until(() => streams.length);
+    say("farm", FARM);
+    say("overview", {seconds: 1, rows: {0: row("axis-01")}});
+    await until(() => streams.length > 1);
+    const refuse = () => {
+        const one = streams[streams.length - 1];
+        one.readyState = EventSource.CLOSED;
+        one.onerror();
+    };
+    const asksFor = () => streams[streams.length - 1].where.split("?")[1];
+    const asksAtFirst = asksFor();
+    // as of a farm that was started again
+    refuse();
+"""
+
+
+def test_a_farm_that_has_the_drive_no_longer_that_is_looked_at_is_shown_all_the_same():
+    assert played(
+        RESTARTED
+        + """
+        const bare = asksFor();
+        say("farm", FARM);
+        say("overview", {seconds: 1, rows: {0: row("axis-02")}});
+        await until(() => app.textContent.includes("There is no drive axis-01"));
+        say("farm", FARM);
+        await wait(0.3);
+        return [asksAtFirst, bare, asksFor(), app.textContent.includes("live")];
+        """
+    ) == ["drive=axis-01", "", "", True]
+
+
+def test_a_drive_whose_stream_was_refused_once_is_asked_for_again():
+    assert played(
+        RESTARTED
+        + """
+        say("farm", FARM);
+        say("overview", {seconds: 1, rows: {0: row("axis-01")}});
+        await until(() => asksFor() === "drive=axis-01");
+        return true;
+        """
+    )
+
+
+def test_the_page_says_why_its_stream_is_refused():
+    assert played("""
+        const live = await import(page + "lib/live.js");
+        answers["GET live"] = undefined;
+        live.look({});
+        streams[0].readyState = EventSource.CLOSED;
+        streams[0].onerror();
+        await until(() => live.farm.error.includes("there is no GET live"));
+        return true;
+    """)
+
+
+def test_a_device_whose_shard_is_away_has_no_connection_and_one_that_moved_is_where_it_is():
+    assert played("""
+        const live = await import(page + "lib/live.js");
+        const connection = {state: "DATA", controller: {name: "plc", ip: "", mac: ""}, cycle_seconds: 0.004};
+        const device = (name, shard) => ({name, shard, connected: true, connection});
+        answers["GET devices"] = {devices: [device("one", "a"), device("other", "a")]};
+        await live.loadDevices();
+        const unreachable = [{shard: "a", reason: "no answer"}];
+        answers["GET devices"] = {devices: [device("one", "b")], unreachable};
+        await live.loadDevices();
+        const who = ({connection: {controller}}) => controller && controller.name;
+        return live.farm.devices.map(one => [one.name, one.shard, one.connection.state, who(one)]);
+    """) == [["one", "b", "DATA", "plc"], ["other", "a", "NO_AR", None]]

@@ -55,7 +55,13 @@ function takeOverview(message) {
   farm.told = Date.now() / 1000;
   farm.seconds = message.seconds;
   if (message.rows) {
-    for (const [place, row] of Object.entries(message.rows)) Object.assign(farm.drives[place], row, {known: true});
+    const names = new Set(Object.values(message.rows).map(row => row.name));
+    farm.drives.forEach(({name}, place) => {
+      const row = message.rows[place];
+      // another drive has its place, or it has another place: what was there is no past of this one
+      if (row ? row.name !== name : names.has(name)) farm.drives[place] = blank(place);
+      if (row) Object.assign(farm.drives[place], row, {known: true});
+    });
     farm.byName = new Map(farm.drives.filter(one => one.known).map(one => [one.name, one]));
   }
   for (const [name, [places, values]] of Object.entries(message.values || {})) {
@@ -86,11 +92,14 @@ function takeFarm(message) {
   farm.begun += 1;
 }
 
+const NO_CONNECTION = {state: "NO_AR", controller: null, cycle_seconds: null, watchdog_seconds: null, connected_seconds: null};
+
 /** Read the list of devices; one whose shard is away stays, as unreachable. */
 export async function loadDevices() {
   const found = await get("devices");
   const away = new Map((found.unreachable || []).map(one => [one.shard, one]));
-  const lost = farm.devices.filter(one => away.has(one.shard)).map(one => ({...one, connected: false, unreachable: away.get(one.shard)}));
+  const here = new Set(found.devices.map(one => one.name));
+  const lost = farm.devices.filter(one => away.has(one.shard) && !here.has(one.name)).map(one => ({...one, connected: false, connection: NO_CONNECTION, unreachable: away.get(one.shard)}));
   farm.devices = [...found.devices, ...lost];
   farm.devicesAway = away.size > 0;
   farm.deviceByName = new Map(farm.devices.map(one => [one.name, one]));
@@ -156,12 +165,14 @@ export function takeWritten(device, state) {
   tell();
 }
 
-function open() {
+/** `bare`: without what is looked at in detail, which the farm may have no longer. */
+function open(bare = false) {
   if (source) source.close();
   farm.drive = null;
   farm.signals = null;
   for (const name of farm.values.keys()) if (!followed.includes(name)) farm.values.delete(name);
-  const query = new URLSearchParams([...Object.entries(chosen).filter(([, name]) => name), ...followed.map(name => ["device", name])]);
+  const detail = bare ? [] : [...Object.entries(chosen).filter(([, name]) => name), ...followed.map(name => ["device", name])];
+  const query = new URLSearchParams(detail);
   // a stream that begins anew has the entries of the log that came meanwhile
   if (farm.position) query.append("after", farm.position);
   const stream = source = new EventSource(`/api/v1/live?${query}`);
@@ -171,7 +182,11 @@ function open() {
     take(JSON.parse(message.data));
     tell();
   });
-  on("farm", takeFarm);
+  const again = (seconds, how) => setTimeout(() => { if (stream === source) open(how); }, seconds * 1000);
+  on("farm", message => {
+    takeFarm(message);
+    if (bare) again(5);
+  });
   on("overview", takeOverview);
   on("log", takeLog);
   on("drive", drive => { farm.drive = drive; });
@@ -179,10 +194,19 @@ function open() {
   on("values", takeValues);
   stream.onerror = () => {
     if (stream !== source) return;
+    // a refused stream is not tried again by the browser
+    const refused = stream.readyState === EventSource.CLOSED;
+    if (refused && detail.length) return open(true);
     farm.connected = false;
     farm.error = "no connection to the farm; trying again";
-    // a refused stream is not tried again by the browser
-    if (stream.readyState === EventSource.CLOSED) setTimeout(() => { if (stream === source) open(); }, 2000);
+    if (refused) {
+      again(2);
+      get("live?follow=false&overview=false").catch(problem => {
+        if (stream !== source || !problem.status) return;
+        farm.error = problem.message;
+        tell();
+      });
+    }
     tell();
   };
 }
