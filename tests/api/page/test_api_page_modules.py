@@ -339,3 +339,26 @@ def test_a_device_whose_shard_is_away_has_no_connection_and_one_that_moved_is_wh
         const who = ({connection: {controller}}) => controller && controller.name;
         return live.farm.devices.map(one => [one.name, one.shard, one.connection.state, who(one)]);
     """) == [["one", "b", "DATA", "plc"], ["other", "a", "NO_AR", None]]
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        ({"unreachable": []}, "good: done"),
+        ({"unreachable": [{"shard": "s2:8702", "reason": "x"}]}, "bad: done; not at s2:8702, which does not answer"),
+        ({"unreachable": ["axis-02", "axis-03"]}, "bad: done; not at axis-02, axis-03, which do not answer"),
+        ({"not_hit": [{"drive": "axis-02"}], "unreachable": []}, "bad: done; not at axis-02, which does not answer"),
+    ],
+)
+def test_what_a_hub_could_not_do_at_all_shards_is_not_told_as_done(answer, told):
+    assert told == played(
+        "const answer = "
+        + json.dumps(answer)
+        + """;
+        const {act, Toasts} = await import(page + "lib/ui.js");
+        await act(() => answer, "done");
+        const kind = one => (one.attributes.class ?? one.className).split(" ")[1];
+        const toast = (await shown(Toasts)).all("div").find(kind);
+        return `${kind(toast)}: ${toast.textContent}`;
+        """
+    )

@@ -61,11 +61,18 @@ export function Toasts() {
     ${toasts.items.map(one => html`<div key=${one.id} class=${"toast " + one.kind}>${one.text}</div>`)}</div>`;
 }
 
+/** What a hub could not do of it, as shards are away; empty: it is done. */
+function missed({not_hit, unreachable}) {
+  const places = not_hit && not_hit.length ? not_hit.map(one => one.drive) : (unreachable || []).map(one => one.shard || one);
+  return places.length ? `; not at ${places.slice(0, 8).join(", ")}${places.length > 8 ? " …" : ""}, which ${places.length > 1 ? "do" : "does"} not answer` : "";
+}
+
 /** Do something that may fail, and say how it went; false if it failed. */
 export async function act(action, done) {
   try {
     const result = await action();
-    if (done) say(typeof done === "function" ? done(result) : done);
+    const left = missed(result || {});
+    if (done) say((typeof done === "function" ? done(result) : done) + left, left ? "bad" : "good");
     return true;
   } catch (error) {
     say(error.message, "bad");
