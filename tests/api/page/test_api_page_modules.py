@@ -362,3 +362,72 @@ def test_what_a_hub_could_not_do_at_all_shards_is_not_told_as_done(answer, told)
         return `${kind(toast)}: ${toast.textContent}`;
         """
     )
+
+
+@pytest.mark.parametrize(
+    ("view", "path", "answer", "word"),
+    [
+        ("faults.js:Faults", "fault-kinds", {"kinds": []}, "Choose a kind of fault"),
+        ("trace.js:Trace", "traces/signals/axis-01", {"signals": [{"signal": "velocity"}]}, "velocity"),
+        (
+            "health.js:Health",
+            "doctor",
+            {"findings": [{"name": "clock", "ok": True, "detail": "", "remedy": ""}]},
+            "clock",
+        ),
+    ],
+)
+def test_what_could_not_be_read_while_the_farm_was_away_is_read_when_it_is_back(view, path, answer, word):
+    module, component = view.split(":")
+    engine = dict.fromkeys(("cycles", "overruns", "frames_sent", "frames_received", "send_errors", "events_lost"), 0)
+    health = {"engine": engine, "lateness": [], "lateness_measured": False, "last_seconds": 10}
+    assert played(f"""
+        const live = await import(page + "lib/live.js");
+        const view = (await import(page + "views/{module}"))["{component}"];
+        answers["GET health"] = {json.dumps(health)};
+        answers["GET faults"] = {{faults: []}};
+        live.look({{}});
+        answers["GET {path}"] = () => {{ throw new TypeError("Failed to fetch"); }};
+        const root = await shown(view, {{name: "axis-01", on: "", kind: ""}});
+        await until(() => root.textContent.includes("does not answer"));
+        answers["GET {path}"] = {json.dumps(answer)};
+        say("farm", FARM);
+        say("overview", {{seconds: 1, rows: {{0: row("axis-01")}}}});
+        await until(() => root.textContent.includes("{word}"));
+        return true;
+    """)
+
+
+def test_a_fault_buffer_that_can_no_longer_be_read_is_not_shown_as_if_it_were_new():
+    assert played("""
+        const live = await import(page + "lib/live.js");
+        const usual = setTimeout;
+        globalThis.setTimeout = (done, after, ...more) => usual(done, Math.min(after, 50), ...more);
+        const {Drive} = await import(page + "views/drive.js");
+        live.look({});
+        say("farm", FARM);
+        say("overview", {seconds: 1, rows: {0: row("axis-01")}});
+        answers["GET drives/axis-01"] = {fault_counts: {}, fault_memory: [], faults: [], events: []};
+        const root = await shown(Drive, {name: "axis-01", tab: "events"});
+        await until(() => root.textContent.includes("The fault buffer is empty"));
+        answers["GET drives/axis-01"] = () => { throw new TypeError("Failed to fetch"); };
+        await until(() => root.textContent.includes("the farm does not answer"));
+        return true;
+    """)
+
+
+def test_the_filter_has_the_models_of_a_farm_that_was_started_again_with_others():
+    assert played("""
+        const live = await import(page + "lib/live.js");
+        const {Overview} = await import(page + "views/overview.js");
+        live.look({});
+        say("farm", FARM);
+        say("overview", {seconds: 1, rows: {0: row("axis-01")}});
+        const root = await shown(Overview);
+        const models = () => root.all("option").map(one => one.textContent);
+        await until(() => models().includes("akd-profinet"));
+        say("farm", FARM);
+        say("overview", {seconds: 1, rows: {0: row("axis-01", {model: "hiwin-e1"})}});
+        await until(() => models().includes("hiwin-e1"));
+        return true;
+    """)

@@ -32,10 +32,10 @@ function Live({farm, name}) {
   const [paused, setPaused] = useState(null);
   const [zoom, setZoom] = useState(null);
   const [at, setAt] = useState(null);
-  const [list, error] = useLoaded(() => get("traces/signals/" + path(name)), [name]);
+  const [list, error] = useLoaded(() => get("traces/signals/" + path(name)), [name, farm.begun]);
   const bits = useMemo(() => list ? bitsOf(list.signals) : {}, [list]);
   const signals = paused || farm.signals;
-  if (error) return html`<${Problem} text=${error}/>`;
+  if (!list && error) return html`<${Problem} text=${error}/>`;
   if (farm.signalsFull) return html`<p class="warn">The farm has no room for a live picture of one more drive: others are looked at, or traces fill its memory.</p>`;
   if (!signals || !signals.seconds.length) return html`<p class="dim">Waiting for the first samples…</p>`;
   // times are before now
@@ -123,6 +123,7 @@ function Events({name, farm}) {
   if (!found) return html`<${Problem} text=${error}/>`;
   const counts = Object.entries(found.fault_counts);
   return html`<div>
+    <${Problem} text=${error}/>
     <h3>Fault buffer</h3>
     ${found.fault_memory.some(one => one.length) ? html`<table class="fit"><thead><tr><th scope="col">Situation</th><th scope="col">Faults</th></tr></thead><tbody>${found.fault_memory.map((situation, place) => situation.length ? html`<tr key=${place}>
       <td>${place === 0 ? "active" : place}</td><td>${situation.map(fault => html`<span class=${found.faults.some(one => one.number === fault.number) && place === 0 ? "bad" : ""}>${fault.label} ${fault.name} </span>`)}</td></tr>` : null)}</tbody></table>` : html`<p class="dim">The fault buffer is empty.</p>`}

@@ -159,7 +159,7 @@ function Active({fault, again}) {
 
 export function Faults({on, kind}) {
   const farm = useFarm();
-  const [kinds, error] = useLoaded(() => get("fault-kinds"), []);
+  const [kinds, error] = useLoaded(() => get("fault-kinds"), [farm.begun]);
   const [active, problem, again] = useLoaded(() => get("faults"), [], 1);
   const reset = async () => { await act(() => call("POST", "reset"), done => `${plural(done.cleared.length, "fault")} cleared`); again(); };
   const names = [...farm.drives.filter(drive => drive.known), ...farm.devices].map(one => one.name);

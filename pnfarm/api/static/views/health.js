@@ -11,7 +11,7 @@ const MARKS = new Map([[true, ["good", "ok"]], [false, ["bad", "missing"]], [nul
 export function Health() {
   const farm = useFarm();
   const [health, error] = useLoaded(() => get("health"), [], 2);
-  const [doctor, problem] = useLoaded(() => get("doctor"), []);
+  const [doctor, problem] = useLoaded(() => get("doctor"), [farm.begun]);
   const engine = health && health.engine;
   return html`<section aria-label="Health">
     <${Problem} text=${error}/>

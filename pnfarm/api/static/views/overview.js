@@ -1,6 +1,6 @@
 // Every drive at a glance: rows or tiles, a filter, a selection, and what can be done to the selection; and every device.
 import {call, path} from "../lib/api.js";
-import {html, useEffect, useMemo, useRef, useState} from "../lib/html.js";
+import {html, useEffect, useRef, useState} from "../lib/html.js";
 import {faultOf} from "../lib/live.js";
 import {Act, FaultText, Spark, State, act, inject, useFarm} from "../lib/ui.js";
 import {ROW, useWindow} from "../lib/window.js";
@@ -118,8 +118,8 @@ export function Overview() {
   const change = more => { Object.assign(kept, more); setWanted({...kept}); };
   const {selected} = wanted;
   const known = farm.drives.filter(drive => drive.known);
-  const models = useMemo(() => [["", "any model"], ...[...new Set(known.map(drive => drive.model))].sort().map(one => [one, one])], [known.length]);
-  const buses = useMemo(() => [["", "any bus"], ...[...new Set([...known, ...farm.devices].map(one => one.bus))].sort().map(one => [one, one])], [known.length, farm.devices.length]);
+  const models = [["", "any model"], ...[...new Set(known.map(drive => drive.model))].sort().map(one => [one, one])];
+  const buses = [["", "any bus"], ...[...new Set([...known, ...farm.devices].map(one => one.bus))].sort().map(one => [one, one])];
   const shown = ordered(known.filter(drive => matches(drive, wanted)), wanted.order);
   const columns = wanted.tiles ? Math.max(1, Math.floor((width - 12) / TILE_WIDTH)) : 1;
   const part = useWindow(box, shown.length, wanted.tiles ? TILE_HEIGHT : ROW, columns);

@@ -49,10 +49,10 @@ function Picture({recording, signals}) {
 }
 
 export function Trace({name}) {
-  const {byName, deviceByName, writes} = useFarm(), kind = byName.has(name) ? "drive" : deviceByName.has(name) ? "device" : "model";
+  const farm = useFarm(), {writes} = farm, kind = farm.byName.has(name) ? "drive" : farm.deviceByName.has(name) ? "device" : "model";
   const triggers = {drive: TRIGGERS, device: OF_DEVICES, model: OF_MODELS}[kind];
   const [text, setText] = useState("");
-  const [list, error] = useLoaded(() => get("traces/signals/" + path(name)), [name]);
+  const [list, error] = useLoaded(() => get("traces/signals/" + path(name)), [name, farm.begun]);
   const [form, setForm] = useState({...kept});
   const [trace, setTrace] = useState(begun.get(name) || null);
   const [recording, setRecording] = useState(null);
