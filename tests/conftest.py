@@ -107,7 +107,6 @@ def _no_lines_held_back():
     logs = sys.modules.get("pnfarm.cli.log.setup")
     if logs is not None:
         logs._flush()
-        logs._limits.clear()
 
 
 class RepeatStalled:

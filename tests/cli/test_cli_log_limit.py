@@ -12,6 +12,7 @@ import pytest
 import structlog
 
 from pnfarm.cli.log.limit import ALL_LINES, KIND_LINES, MAX_KINDS, MAX_SUMS, LineLimit
+from pnfarm.cli.log.setup import configure
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -246,3 +247,16 @@ def test_a_client_that_hangs_up_in_its_request_is_one_short_line():
     assert sum(line.get("repeated", 1) for line in lines) == 40
     assert len(lines) <= KIND_LINES + 3
     assert max(map(len, text.splitlines())) < 300
+
+
+@pytest.mark.parametrize("turn", ["sets the log up", "has lines held back", "has none of them"])
+def test_what_the_log_holds_back_of_a_test_is_not_written_in_a_later_one(turn, capsys):
+    if turn == "sets the log up":
+        configure(as_json=True)
+    elif turn == "has lines held back":
+        for _ in range(50):
+            structlog.get_logger().info("many")
+    else:
+        # as a second later, by a thread of its own
+        structlog.get_config()["processors"][0].flush()
+        assert capsys.readouterr().err == ""
