@@ -56,25 +56,25 @@ async def run_hub(
     """Until it is cancelled; started when each shard was asked once, at most some seconds later."""
     for url in urls:
         hub.shards.give(url)
+    found: dict[str, list[str]] = {}
     try:
         async with anyio.create_task_group() as tasks:
             async with anyio.create_task_group() as first:
                 for name, port in names:
-                    first.start_soon(discover, hub, name, port, {})
+                    first.start_soon(discover, hub, name, port, found)
             await hub.each(hub.shards, lambda shard: _probe(hub, shard))
             tasks.start_soon(_release, hub)
             tasks.start_soon(views.run)
             tasks.start_soon(_attend_all, hub, tasks)
             if names:
-                tasks.start_soon(_discover_all, hub, names)
+                tasks.start_soon(_discover_all, hub, names, found)
             task_status.started()
     finally:
         with anyio.CancelScope(shield=True):
             await hub.aclose()
 
 
-async def _discover_all(hub: Hub, names: Sequence[tuple[str, int]]) -> None:
-    found: dict[str, list[str]] = {}
+async def _discover_all(hub: Hub, names: Sequence[tuple[str, int]], found: dict[str, list[str]]) -> None:
     while True:
         for name, port in names:
             await discover(hub, name, port, found)

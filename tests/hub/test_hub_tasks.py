@@ -5,13 +5,14 @@ from __future__ import annotations
 import socket
 
 import anyio
+import httpx
 import pytest
 from hub_world import HubWorld
 
 from pnfarm.cli.main import main
-from pnfarm.hub import Hub
+from pnfarm.hub import Hub, make_hub_app
 from pnfarm.hub.shards import MOST_SHARDS
-from pnfarm.hub.tasks import discover
+from pnfarm.hub.tasks import discover, run_hub
 
 
 def answer(*hosts):
@@ -66,6 +67,27 @@ def test_two_names_do_not_take_each_others_shards(monkeypatch):
     monkeypatch.setattr("pnfarm.hub.tasks.anyio.getaddrinfo", answer("10.0.0.4"))
     anyio.run(discover, hub, "other", 1, found)
     assert [shard.left_ns for shard in hub.shards] == [None, None]
+
+
+def test_at_the_start_the_shards_of_one_name_are_not_taken_for_gone_because_of_another_name(monkeypatch):
+    def nobody(request):
+        raise httpx.ConnectError("refused", request=request)
+
+    async def ask(name, port, **_):
+        return await answer({"one": "10.0.0.3", "other": "10.0.0.4"}[name])(name, port)
+
+    async def main():
+        hub = Hub(transport=lambda _: httpx.MockTransport(nobody))
+        async with anyio.create_task_group() as tasks:
+            await tasks.start(run_hub, hub, [], [("one", 1), ("other", 1)], make_hub_app(hub).state.views)
+            # until each shard was attended to once
+            while any(shard.errors["refused"] < 2 for shard in hub.shards):
+                await anyio.sleep(0)
+            tasks.cancel_scope.cancel()
+        return [entry.data["event"] for entry in hub.log.entries()], [shard.left_ns for shard in hub.shards]
+
+    monkeypatch.setattr("pnfarm.hub.tasks.anyio.getaddrinfo", ask)
+    assert anyio.run(main) == ([], [None, None])
 
 
 @pytest.mark.parametrize(
