@@ -265,6 +265,31 @@ def test_a_drive_that_gets_the_place_of_another_one_has_none_of_its_values_and_i
     """) == [["axis-02", [200]]]
 
 
+def test_values_that_come_before_a_drive_s_row_are_the_drive_s():
+    # of many drives the rows come by and by
+    assert played("""
+        const live = await import(page + "lib/live.js");
+        live.look({});
+        const states = () => live.farm.drives.filter(one => one.known).map(one => [one.name, one.state]);
+        say("farm", {...FARM, drives: 2});
+        say("overview", {seconds: 1, rows: {0: row("axis-01")}, values: {state: [null, [4, 2]]}});
+        const first = states();
+        say("overview", {seconds: 2, rows: {1: row("axis-02")}});
+        const then = states();
+        // started again, in the other order
+        say("farm", {...FARM, drives: 2});
+        say("overview", {seconds: 1, rows: {0: row("axis-02")}, values: {state: [null, [1, 3]]}});
+        const again = states();
+        say("overview", {seconds: 2, rows: {1: row("axis-01")}});
+        return [first, then, again, states()];
+    """) == [
+        [["axis-01", 4]],
+        [["axis-01", 4], ["axis-02", 2]],
+        [["axis-02", 1]],
+        [["axis-02", 1], ["axis-01", 3]],
+    ]
+
+
 RESTARTED = """
     const usual = setTimeout, wait = seconds => new Promise(done => usual(done, seconds * 1000));
     globalThis.setTimeout = (done, after, ...more) => usual(done, Math.min(after, 60), ...more);

@@ -26,11 +26,14 @@ const NOTHING = {tag: "", states: new Map()};
 /** What the stream has said of the signals of a device or a model of the plant. */
 export const valuesOf = name => farm.values.get(name) || NOTHING;
 
+const noPast = () => ({
+  history: new Float32Array(HISTORY).fill(NaN), head: 0, past: Object.fromEntries(KNOWN_PAST.map(name => [name, new Float32Array(PAST).fill(NaN)])),
+});
+
 function blank(place) {
   return {
     place, name: "", model: "", bus: "", state: 0, velocity: 0, setpoint: 0, current: 0, fault: 0, warning: 0,
-    injected: [], neighbours: [], history: new Float32Array(HISTORY).fill(NaN), head: 0, known: false,
-    past: Object.fromEntries(KNOWN_PAST.map(name => [name, new Float32Array(PAST).fill(NaN)])),
+    injected: [], neighbours: [], known: false, ...noPast(),
   };
 }
 
@@ -56,11 +59,11 @@ function takeOverview(message) {
   farm.seconds = message.seconds;
   if (message.rows) {
     const names = new Set(Object.values(message.rows).map(row => row.name));
-    farm.drives.forEach(({name}, place) => {
+    farm.drives.forEach((drive, place) => {
       const row = message.rows[place];
-      // another drive has its place, or it has another place: what was there is no past of this one
-      if (row ? row.name !== name : names.has(name)) farm.drives[place] = blank(place);
-      if (row) Object.assign(farm.drives[place], row, {known: true});
+      // another drive has its place, or it has another place; the values of this one may have come before its row
+      if (drive.known && (row ? row.name !== drive.name : names.has(drive.name))) Object.assign(drive, {name: "", known: false}, noPast());
+      if (row) Object.assign(drive, row, {known: true});
     });
     farm.byName = new Map(farm.drives.filter(one => one.known).map(one => [one.name, one]));
   }
