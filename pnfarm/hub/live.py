@@ -73,10 +73,11 @@ class HubLive:
 
     async def _take(self, shard: Shard, query: Mapping[str, str] | None = None) -> bool:
         """The messages of a shard's stream; False if it broke."""
-        instance = shard.instance
+        run = shard.instance, shard.since_ns
         try:
             async for event, data in self._hub.client(shard).stream(f"{PREFIX}/live", query=query):
-                if shard.instance != instance or not shard.asked:
+                # of drives at rest only a stream that begins anew tells that they are back
+                if (shard.instance, shard.since_ns) != run or not shard.asked:
                     break
                 if event == "overview":
                     self._overview.take(shard, data)

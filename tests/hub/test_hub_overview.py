@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
+from types import SimpleNamespace
 
 import httpx
 
 from pnfarm.config.drive import MAX_DRIVES
+from pnfarm.hub import Hub
 from pnfarm.hub.client import ShardClient
-from pnfarm.hub.overview import HubOverview
+from pnfarm.hub.live import HubLive
+from pnfarm.hub.overview import UNREACHABLE, HubOverview
 from pnfarm.hub.shards import Shards
 from pnfarm.hub.states import ShardEvent
 
@@ -56,6 +59,33 @@ def test_drives_that_a_new_run_has_in_another_order_are_not_taken_for_each_other
     # of many drives the rows come later
     overview.take(one, {"values": {"state": [None, [2, 1]]}})
     assert shown(overview) == {"axis-1": 1, "axis-2": 2}
+
+
+def test_a_shards_stream_of_before_a_loss_is_left_for_one_that_has_its_drives_at_rest_as_well(monkeypatch):
+    hub, clock = Hub(now=lambda: clock[0]), [5]
+    one = up(hub.shards, "http://a:1", "axis-1", "axis-2")
+    live = HubLive(hub)
+
+    async def stream(_path, query=None):
+        yield "overview", whole("axis-1", "axis-2", states=[4, 2])
+        if query is None:
+            # the process is stopped and goes on: its stream did not break, and its clock is heard first
+            for event in (ShardEvent.MISSED, ShardEvent.MISSED, ShardEvent.ANSWERED):
+                clock[0] += 1
+                hub.shards.note(one, event, "late", clock[0], 0.0)
+                live._overview.refresh()
+            yield "overview", {"values": {"state": [[1], [3]]}}
+
+    async def follow():
+        await live._take(one)
+        gone = shown(live._overview)
+        # what a broken stream's successor says
+        await live._take(one, {"follow": "false"})
+        return gone
+
+    monkeypatch.setattr(hub, "client", lambda _: SimpleNamespace(stream=stream))
+    assert asyncio.run(follow()) == {"axis-1": UNREACHABLE, "axis-2": UNREACHABLE}
+    assert shown(live._overview) == {"axis-1": 4, "axis-2": 2}
 
 
 def test_all_drives_of_the_largest_farm_come_in_one_message():
