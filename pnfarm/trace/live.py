@@ -24,8 +24,9 @@ INTERVAL = "10ms"
 PAST = "10s"
 #: Traces of a farm are few, and most of them are for those who ask for one.
 MOST_DRIVES = 4
-#: A trace that no viewer has read for this time is given up.
+#: A trace that no viewer has read for this time is given up; where another one needs its place, after a second.
 KEEP_NS = 10_000_000_000
+UNREAD_NS = 1_000_000_000
 #: In this order, those that the drive has.
 SIGNALS = (
     "setpoint", "velocity", "position", "following_error", "current", "torque", "state", "fault", "connected",
@@ -47,7 +48,11 @@ class LiveSignals:
         found = self._traces.get(name)
         if found is None:
             if len(self._traces) >= MOST_DRIVES:
-                return None
+                oldest = min(self._traces.values(), key=lambda trace: trace.touched_ns)
+                if now - oldest.touched_ns < UNREAD_NS:
+                    return None
+                self._manager.delete(oldest.id, now)
+                del self._traces[oldest.request.on[0]]
             known = signals_of(station)
             wanted = [signal for signal in SIGNALS if signal in known]
             fields = {"on": [name], "signals": wanted, "trigger": "manual", "pre": PAST, "interval": INTERVAL}
