@@ -17,7 +17,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.drives.telegrams.signal_view import SignalForm, Word
 from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
-from pnfarm.errors import ConfigError
+from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
 from pnfarm.farm.injection_fields import fields_of
 from pnfarm.farm.views.readings import FaultReading
 from pnfarm.farm.wait import NotInTime, require_in_time
@@ -80,13 +80,19 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
 
     async def close(self) -> None:
         """Clear what was injected here, and disconnect; the farm runs on."""
+        failed: list[PnfarmError] = []
         with anyio.CancelScope(shield=True):
             try:
                 # of those that have ended the farm forgets the oldest
                 own = {**self._faults}
                 listed = (await self.ask(self._client.get, "faults"))["faults"] if own else ()
                 for fault in (own[view["id"]] for view in listed if view["id"] in own):
-                    await fault.clear()
+                    try:
+                        await fault.clear()
+                    except PnfarmError as exc:
+                        failed.append(exc)
+                if failed:
+                    raise failed[0]
             finally:
                 with self._client:
                     self._faults.clear()
@@ -335,4 +341,7 @@ class _RemoteFault(Bound):
                 await self.refresh()
                 if self.view.state != "ended":
                     raise
+        if left := self._found.get("unreachable"):
+            where = f"{', '.join(left)}, whose shard does not answer"
+            raise EnvironmentError_(f"{self._found['id']} is in force on {where}: clear it again when it does")
         self._farm.forget(self._found["id"])

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 import pnfarm
-from pnfarm.errors import ConfigError
+from pnfarm.errors import ConfigError, EnvironmentError_
 
 
 class Client:
@@ -48,3 +48,48 @@ def test_a_fault_that_ends_just_before_it_is_cleared_is_over() -> None:
 def test_a_fault_that_cannot_be_cleared_and_has_not_ended_is_an_error() -> None:
     with pytest.raises(ConfigError, match="no injection 'trip'"):
         clear("active", "active", "active")
+
+
+class Hub(Client):
+    """Answers as a hub with a shard away that has a part of the fault ``half``."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.cleared: list[str] = []
+        self.is_open = True
+
+    def _of(self, name: str, state: str) -> dict[str, object]:
+        self.states = [state]
+        left = ["axis-02"] if name == "half" and state != "waiting" else []
+        return {**self._fault(), "id": name, "unreachable": left}
+
+    def post(self, *_: str, body: dict[str, str]) -> dict[str, object]:
+        return self._of(body["as"], "waiting")
+
+    def get(self, _: str, name: str = "") -> dict[str, object]:
+        return self._of(name, "active") if name else {"faults": [self._of(one, "active") for one in ("half", "whole")]}
+
+    def delete(self, _: str, name: str) -> dict[str, object]:
+        self.cleared.append(name)
+        return self._of(name, "active" if name == "half" else "ended")
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, *_: object) -> None:
+        self.is_open = False
+
+
+def test_a_fault_that_a_hub_could_clear_in_part_only_is_an_error_and_others_are_cleared_nevertheless() -> None:
+    async def main() -> None:
+        farm = pnfarm.Farm.connect("http://127.0.0.1:1")
+        farm._client = client
+        for name in ("half", "whole"):
+            await farm.fault("silence", **{"as": name})
+        await farm.close()
+
+    client = Hub()
+    with pytest.raises(EnvironmentError_, match="half is in force on axis-02, whose shard does not answer"):
+        asyncio.run(main())
+    assert client.cleared == ["half", "whole"]
+    assert not client.is_open
