@@ -195,6 +195,10 @@ class Master:
         self.cycle_ns = 0
         self.clear = False
         self._queue: deque[Station] = deque()
+        #: The slave whose request is repeated in this cycle, and requests of others that wait for such a cycle: silent
+        #: slaves are to take little of the others' time.
+        self._silent: Station | None = None
+        self._again: deque[_Pending] = deque()
         self._pending: _Pending | None = None
         self._ready: _Pending | None = None
         self._control: GlobalControl | None = None
@@ -246,6 +250,7 @@ class Master:
         for station in self.stations:
             if station.state in {SlaveState.WAITING, SlaveState.DIAGNOSIS}:
                 station.state = SlaveState.STOPPED
+                self._again = deque(one for one in self._again if one.station is not station)
 
     @property
     def all_stopped(self) -> bool:
@@ -262,7 +267,7 @@ class Master:
         return self._due()
 
     def _due(self) -> int | None:
-        if self._queue or self._control is not None:
+        if self._queue or self._control is not None or (self._again and self._silent is None):
             return self._free_ns
         if all(one.state is SlaveState.STOPPED for one in self.stations):
             return None
@@ -347,15 +352,20 @@ class Master:
             self._ready = _Pending(None, telegram, emit_telegram(telegram), acyclic=False, left=0)
             return
         while True:
-            if not self._queue and (not self._begin_cycle(now) or not self._queue):
+            if self._queue:
+                station = self._queue.popleft()
+                if (request := self._request(station, now)) is not None:
+                    self._put(station, request, acyclic=False)
+                    return
+            elif self._again and self._silent is None:
+                again = self._ready = self._again.popleft()
+                self._silent = again.station
                 return
-            station = self._queue.popleft()
-            if (request := self._request(station, now)) is not None:
-                self._put(station, request, acyclic=False)
+            elif not self._begin_cycle(now) or not (self._queue or self._again):
                 return
 
     def _begin_cycle(self, now: int) -> bool:
-        """Behind a cycle one request for a record; then all slaves that are due."""
+        """Behind a cycle one request for a record; then all slaves that are due, those last that were lost."""
         if not self._acyclic_done:
             self._acyclic_done = True
             if (asked := self._acyclic(now)) is not None:
@@ -368,13 +378,22 @@ class Master:
         self._began_ns = now
         self._acyclic_done = False
         self._cycle_ns = max(self._cycle_ns + self.settings.cycle_ns, now)
-        self._queue.extend(station for station in self.stations if self._is_due(station, now))
+        self._silent = None
+        due = [station for station in self.stations if self._is_due(station, now)]
+        self._queue.extend(station for station in due if station.state is not SlaveState.WAITING)
+        if not self._again:
+            waiting = [station for station in due if station.state is SlaveState.WAITING]
+            self._queue.extend(sorted(waiting, key=lambda station: station.due_ns))
         return True
 
     def _is_due(self, station: Station, now: int) -> bool:
-        if station.state is SlaveState.STOPPED:
+        if station.state is SlaveState.STOPPED or self._is_repeated(station):
             return False
         return station.state is not SlaveState.WAITING or station.due_ns <= now
+
+    def _is_repeated(self, station: Station) -> bool:
+        """Whether a request is to be repeated before it gets another one."""
+        return any(one.station is station for one in self._again)
 
     def _acyclic(self, now: int) -> tuple[Station, Telegram] | None:
         count = len(self.stations)
@@ -384,6 +403,8 @@ class Master:
                 station.connection.lost(station.reason or "the slave does not answer", now)
                 continue
             if station.connection.is_class_one and station.state is not SlaveState.DATA:
+                continue
+            if self._is_repeated(station):
                 continue
             found = station.connection.request(now)
             if found is not None:
@@ -458,11 +479,16 @@ class Master:
         station = pending.station
         if station is None:
             return
+        # slaves that were lost are tried in the next cycle: this one has taken long enough
+        self._queue = deque(one for one in self._queue if one.state is not SlaveState.WAITING)
         if pending.left > 0:
             pending.left -= 1
             station.retries += 1
             self.counts["retries"] += 1
-            self._ready = pending
+            if pending.acyclic or self._silent is None or self._silent is station:
+                self._silent, self._ready = station, pending
+            else:
+                self._again.append(pending)
             return
         self.counts["unanswered"] += 1
         station.valid_fcb = False

@@ -83,7 +83,9 @@ class Drive:
 class DpLine:
     """``lose``: decides (from, octets) -> octets or None, for each telegram on its way."""
 
-    def __init__(self, count=1, *, baud=1_500_000, watchdog=(10, 1), access="class-2", cycle_ns=2 * MS, **options):
+    def __init__(
+        self, count=1, *, baud=1_500_000, watchdog=(10, 1), access="class-2", cycle_ns=2 * MS, latency_ns=0, **options
+    ):
         self.now = 0
         self.baud = baud
         self.drives = [Drive() for _ in range(count)]
@@ -93,7 +95,7 @@ class DpLine:
                       watchdog, reconnect_ns=50 * MS, access=access)
             for n, drive in enumerate(self.drives)
         ]  # fmt: skip
-        self.master = Master(MasterSettings(baud=baud, latency_ns=0, cycle_ns=cycle_ns), self.plans)
+        self.master = Master(MasterSettings(baud=baud, latency_ns=latency_ns, cycle_ns=cycle_ns), self.plans)
         self.lose = lambda _who, octets: octets
         self.events = []
         self.seen = []

@@ -323,3 +323,52 @@ def test_a_slave_whose_answer_was_under_way_when_the_release_began_is_released_a
     line.run(0.5)
     assert line.master.all_stopped
     assert "watchdog" not in {event.why for event in line.slaves[0].take_events() if isinstance(event, Left)}
+
+
+def _silent(line, addresses):
+    """The slaves with these addresses are off."""
+
+    def lose(_who, octets):
+        telegram = parse_telegram(octets)
+        named = isinstance(telegram, Telegram) and addresses & {telegram.destination, telegram.source}
+        return None if named else octets
+
+    line.lose = lose
+
+
+def test_slaves_that_are_not_there_take_little_of_the_time_of_the_others():
+    line = DpLine(9, latency_ns=20 * MS)
+    absent = set(range(3, 11))
+    _silent(line, absent)
+    there = line.master.stations[-1]
+    assert line.run(5.0, until=lambda: there.exchanging)
+    line.run(5.0)
+    assert (there.connects, there.losses) == (1, 0)
+    assert all(station.retries > 5 for station in line.master.stations[:-1])
+    # one of them in a cycle, twice: its watchdog of 100 ms is far
+    assert line.slaves[-1].state is DpState.DATA_EXCH
+    polls = there.polls
+    line.run(1.0)
+    assert there.polls - polls > 20
+    absent.clear()
+    assert line.run(2.0, until=lambda: line.exchanging)
+
+
+def test_when_several_slaves_fall_silent_at_once_the_others_are_not_kept_waiting_for_repetitions():
+    line = DpLine(5, latency_ns=14 * MS)
+    line.run(1.0, until=lambda: line.exchanging)
+    _silent(line, set(range(3, 7)))
+    line.run(1.0)
+    assert [station.exchanging for station in line.master.stations] == [False] * 4 + [True]
+    assert line.master.stations[-1].losses == 0
+    assert all(station.reason == "no answer" for station in line.master.stations[:-1])
+
+
+def test_slaves_whose_requests_wait_to_be_repeated_are_released_as_well():
+    line = DpLine(3, latency_ns=20 * MS)
+    line.run(1.0, until=lambda: line.exchanging)
+    _silent(line, {3, 4})
+    assert line.run(1.0, until=lambda: line.master._again)
+    line.master.release(line.now)
+    assert line.run(2.0, until=lambda: line.master.all_stopped)
+    assert line.master.next_deadline() is None
