@@ -319,9 +319,11 @@ class Master:
             self.counts["unasked"] += 1
             return
         if isinstance(telegram, Telegram):
+            asked = pending.telegram
             mine = telegram.destination == self.settings.address and not telegram.is_request
-            if not mine or telegram.source != pending.telegram.destination:
-                # the echo of an adapter, or another pair's
+            swapped = (telegram.dsap, telegram.ssap) == (asked.ssap, asked.dsap)
+            if not mine or telegram.source != asked.destination or (telegram.data and not swapped):
+                # the echo of an adapter, another pair's, or the second answer to a request that was repeated
                 self.counts["others"] += 1
                 return
         elif not isinstance(telegram, ShortAck):

@@ -117,6 +117,29 @@ def test_one_lost_answer_is_repeated_with_the_same_fcb_and_counts_once_for_the_s
     assert line.exchanging
 
 
+def test_the_second_answer_to_a_repeated_poll_is_not_taken_for_a_diagnosis():
+    line = DpLine(1)
+    line.run(1.0, until=lambda: line.exchanging)
+    polled = []
+
+    def lose(who, octets):
+        telegram = parse_telegram(octets)
+        if who == "slave" and telegram.ssap is None:
+            polled.append(telegram)
+        elif who == "slave" and telegram.ssap == Sap.SLAVE_DIAGNOSIS:
+            # the answer of before comes again, ahead of the diagnosis
+            line.master.receive(polled[-1], line.now)
+        return octets
+
+    line.lose = lose
+    line.drives[0].error = True
+    line.slaves[0].diagnosis_changed()
+    line.run(0.1)
+    assert line.master.stations[0].losses == 0, line.master.stations[0].reason
+    told = [event.diagnosis.ident for event in line.events if isinstance(event, DiagnosisRead)]
+    assert told == [IDENT]
+
+
 @pytest.mark.parametrize(("factors", "base", "milliseconds"), [((10, 1), 0, 100), ((5, 7), 4, 35), ((0, 0), 0, None)])
 def test_the_watchdog_has_the_time_of_its_factors(factors, base, milliseconds):
     line = DpLine(1, watchdog=factors if milliseconds else None)
