@@ -92,6 +92,13 @@ def test_a_connected_device_is_asked_beside_its_controller():
     assert line.plc.sessions[0].measures.losses == 0
 
 
+def test_a_device_without_an_address_is_reported():
+    line = VirtualLine(controller=False)
+    line.farm.axes[0].device.dcp.address = None
+    with pytest.raises(RemoteError, match="axis-01 has no IP address: give it one first"):
+        listed(line, "axis-01")
+
+
 def test_a_pulled_module_is_not_there_any_more():
     line = VirtualLine(controller=False)
     station = line.farm.axes[0]

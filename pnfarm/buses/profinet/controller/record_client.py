@@ -139,6 +139,9 @@ class RecordClient:
 
     def read_next(self, place: RecordPlace, now: int) -> None:
         """Read another record of the device that was found, without a connection; when :attr:`done`."""
+        if self._machine is None:
+            # it has no address: that stays the reason
+            return
         self._place = place
         self._failure, self.data, self.status = "", None, None
         self._sign(_Sign.NEXT, now)
