@@ -222,6 +222,19 @@ def test_originators_that_only_listen_get_the_same_data_and_have_no_say():
     assert dict(station.device.losses()) == {"timed-out": 1}
 
 
+def test_the_identity_object_s_status_knows_connections_without_an_owner(rig):
+    def extended():
+        return int.from_bytes(rig.peer.get(1, 1, 5).data, "little") >> 4 & 0xF
+
+    rig.peer.connect()
+    assert extended() == 3, "no I/O connection"
+    rig.peer.open(**HEARTBEAT)
+    assert extended() == 7, "a connection without run mode"
+    rig.peer.open()
+    rig.peer.run(0.1)
+    assert extended() == 6, "one in run mode"
+
+
 def test_multicast_is_one_stream_for_all_its_listeners():
     rig = Rig(peers=3)
     rig.peer.connect()

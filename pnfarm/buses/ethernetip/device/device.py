@@ -441,7 +441,9 @@ class EthernetIpDevice:
         owner = next((one for one in self.channels.open.values() if one.feeds), None)
         faulty = self.kind.faulty
         if owner is None:
-            condition = _FAULTED if self.connections.lost_owner else _NO_CONNECTION
+            # those without an owner carry no mode
+            others = _IDLE if self.channels.open else _NO_CONNECTION
+            condition = _FAULTED if self.connections.lost_owner else others
         else:
             condition = _RUNNING if self.station.image.valid else _IDLE
         self.identity.status = condition << _EXTENDED | (_OWNED if owner else 0) | (_MAJOR_RECOVERABLE if faulty else 0)
