@@ -21,16 +21,32 @@ from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import MISSING, dataclass, field, fields
 from ipaddress import IPv4Address, IPv4Interface
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-__all__ = ["Event", "Level", "event", "shown", "texts_of", "unshown"]
+__all__ = ["ATTEMPT", "BY_PEER", "Event", "Level", "Pace", "event", "shown", "texts_of", "unshown"]
 
 Level = Literal["debug", "info", "warning", "error"]
 _Kind = TypeVar("_Kind", bound="Event")
 _NANOSECONDS = "_ns"
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How often the log has an event: ``at_once`` entries, then one in each ``every_ns``.
+
+    See :mod:`pnfarm.station.paces`.
+    """
+
+    at_once: int
+    every_ns: int
+
+
+#: Events of attempts to connect, which may come to nothing for hours; others that a peer may cause without end.
+ATTEMPT: Final = Pace(12, 60_000_000_000)
+BY_PEER: Final = Pace(32, 1_000_000_000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +55,8 @@ class Event:
 
     TEXT: ClassVar[str] = ""
     LEVEL: ClassVar[Level] = "info"
+    #: None: each has an entry in the log.
+    PACE: ClassVar[Pace | None] = None
 
     @property
     def text(self) -> str:
@@ -95,7 +113,9 @@ def unshown(*, default: Any = MISSING, kw_only: Any = MISSING) -> Any:
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field, shown, unshown))
-def event(text: str = "", level: Level | None = None) -> Callable[[type[_Kind]], type[_Kind]]:
+def event(
+    text: str = "", level: Level | None = None, *, pace: Pace | None = None
+) -> Callable[[type[_Kind]], type[_Kind]]:
     """A class of events; what is left out is its base's, or a property of the class."""
 
     def declare(kind: type[_Kind]) -> type[_Kind]:
@@ -104,6 +124,8 @@ def event(text: str = "", level: Level | None = None) -> Callable[[type[_Kind]],
             made.TEXT = text
         if level is not None:
             made.LEVEL = level
+        if pace is not None:
+            made.PACE = pace
         return made
 
     return declare

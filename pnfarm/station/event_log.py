@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import structlog
 
+from pnfarm.station.events import ConnectionEstablished
+from pnfarm.station.paces import Paces
 from pnfarm.wire.value import value_class
 
 if TYPE_CHECKING:
@@ -31,13 +33,17 @@ logger = structlog.get_logger("pnfarm")
 
 @value_class
 class LogEntry:
-    """``now_ns`` is the farm's clock, monotonic or virtual; ``wall`` seconds since the epoch; ``drive`` "" the farm."""
+    """``now_ns`` is the farm's clock, monotonic or virtual; ``wall`` seconds since the epoch; ``drive`` "" the farm.
+
+    ``stands_for``: events of this kind on this drive since its last entry (:mod:`pnfarm.station.paces`).
+    """
 
     sequence: int
     now_ns: int
     wall: float
     drive: str
     what: Event
+    stands_for: int = 1
 
     @property
     def event(self) -> str:
@@ -47,7 +53,12 @@ class LogEntry:
     @property
     def data(self) -> dict[str, Any]:
         """Its values, plain JSON."""
-        return self.what.details()
+        return self.what.details() | self.repeated
+
+    @property
+    def repeated(self) -> dict[str, int]:
+        """The number of events, where there are several."""
+        return {"repeated": self.stands_for} if self.stands_for > 1 else {}
 
     def __str__(self) -> str:
         values = ", ".join(f"{key} {value}" for key, value in self.data.items())
@@ -72,23 +83,36 @@ class EventLog:
     def __init__(self, *, quiet: bool = False) -> None:
         self.quiet = quiet
         self._sequence = 0
+        self._paces: Paces[LogEntry] = Paces()
         self._farm: deque[LogEntry] = deque(maxlen=FARM_ENTRIES)
         self._drives: dict[str, list[LogEntry]] = {}
         self._subscribers: list[Callable[[LogEntry], None]] = []
 
     def record(self, now: int, drive: str, event: Event) -> LogEntry:
-        """Append one entry and notify the subscribers."""
-        self._sequence += 1
+        """Append one entry, or count the event where peers cause too many, and notify the subscribers."""
         entry = LogEntry(self._sequence, now, time.time(), drive, event)
+        count = 1 if event.PACE is None else self._paces.take(now, drive, event, event.PACE, entry)
+        if count:
+            if isinstance(event, ConnectionEstablished):
+                for before, of in self._paces.succeeded(drive, now):
+                    self._append(before, of)
+            entry = self._append(entry, count)
+        for subscriber in list(self._subscribers):
+            subscriber(entry)
+        return entry
+
+    def _append(self, event: LogEntry, count: int) -> LogEntry:
+        self._sequence += 1
+        entry = LogEntry(self._sequence, event.now_ns, event.wall, event.drive, event.what, count)
+        drive, what = entry.drive, entry.what
         self._farm.append(entry)
         if drive:
             entries = self._drives.setdefault(drive, [])
             entries.append(entry)
             del entries[:-DRIVE_ENTRIES]
         if not self.quiet:
-            getattr(logger, event.level)(event.text, **({"drive": drive} if drive else {}), **event.logged())
-        for subscriber in list(self._subscribers):
-            subscriber(entry)
+            told = what.logged() | entry.repeated
+            getattr(logger, what.level)(what.text, **({"drive": drive} if drive else {}), **told)
         return entry
 
     @property
@@ -108,7 +132,7 @@ class EventLog:
         return [self._farm[place] for place in range(start, end)]
 
     def subscribe(self, subscriber: Callable[[LogEntry], None]) -> Callable[[], None]:
-        """Call ``subscriber`` for each new entry; the returned function ends that."""
+        """Call ``subscriber`` for each event, one that is only counted as well; the returned function ends that."""
         self._subscribers.append(subscriber)
 
         def unsubscribe() -> None:

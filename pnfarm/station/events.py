@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
-from pnfarm.station.event import Event, event, shown, unshown
+from pnfarm.station.event import ATTEMPT, BY_PEER, Event, event, shown, unshown
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -77,7 +77,7 @@ class Booted(Event):
 # -- the connection to a controller ------------------------------------------------------------------------------------
 
 
-@event("connection opened")
+@event("connection opened", pace=ATTEMPT)
 class ConnectionOpened(Event):
     """A controller requested a connection and got it; data may flow.
 
@@ -92,12 +92,12 @@ class ConnectionOpened(Event):
         return ""
 
 
-@event("connection refused", "warning")
+@event("connection refused", "warning", pace=ATTEMPT)
 class ConnectionRefused(Event):
     """A controller requested a connection that the drive refused."""
 
 
-@event("start-up phase", "debug")
+@event("start-up phase", "debug", pace=ATTEMPT)
 class StartUpPhase(Event):
     """A controller finished a step on its way to data exchange, for which its bus has no event of its own."""
 
@@ -106,14 +106,14 @@ class StartUpPhase(Event):
     connection: int | None = unshown(default=None)
 
 
-@event("connection established")
+@event("connection established", pace=BY_PEER)
 class ConnectionEstablished(Event):
     """Valid data flow both ways."""
 
     connection: int = unshown(default=0, kw_only=True)
 
 
-@event("connection lost", "warning")
+@event("connection lost", "warning", pace=ATTEMPT)
 class ConnectionLost(Event):
     """A connection ended without being released; ``lateness`` is the farm's own before it."""
 
@@ -121,14 +121,14 @@ class ConnectionLost(Event):
     connection: int = unshown(default=0, kw_only=True)
 
 
-@event("connection released")
+@event("connection released", pace=ATTEMPT)
 class ConnectionReleased(Event):
     """The controller ended the connection in order."""
 
     connection: int = unshown(default=0, kw_only=True)
 
 
-@event("watchdog expired", "warning")
+@event("watchdog expired", "warning", pace=ATTEMPT)
 class WatchdogExpired(Event):
     """No valid data came from the controller for too long; ``lateness`` is the farm's own in that time."""
 
@@ -137,7 +137,7 @@ class WatchdogExpired(Event):
     connection: int = unshown(default=0, kw_only=True)
 
 
-@event()
+@event(pace=BY_PEER)
 class ControllerModeChanged(Event):
     """The controller's program runs, or stopped."""
 
@@ -148,7 +148,7 @@ class ControllerModeChanged(Event):
         return "controller in run" if self.run else "controller in stop"
 
 
-@event()
+@event(pace=BY_PEER)
 class OutputsChanged(Event):
     """The received set points became valid, or invalid."""
 
@@ -162,7 +162,7 @@ class OutputsChanged(Event):
 # -- its name ----------------------------------------------------------------------------------------------------------
 
 
-@event()
+@event(pace=BY_PEER)
 class StationRenamed(Event):
     """The station may have another name on its bus."""
 
@@ -170,7 +170,7 @@ class StationRenamed(Event):
 # -- its address, on buses with IP ------------------------------------------------------------------------------------
 
 
-@event("address conflict", "warning")
+@event("address conflict", "warning", pace=BY_PEER)
 class AddressConflict(Event):
     """Another station has the drive's address."""
 
@@ -178,12 +178,12 @@ class AddressConflict(Event):
     mac: bytes
 
 
-@event("address not used")
+@event("address not used", pace=BY_PEER)
 class AddressNotUsed(AddressConflict):
     """Another station had the address before the drive did."""
 
 
-@event("address conflict over")
+@event("address conflict over", pace=BY_PEER)
 class AddressConflictOver(Event):
     """No other station uses the drive's address any more."""
 
@@ -231,7 +231,7 @@ class FaultsCleared(Event):
     after_ns: int
 
 
-@event("acknowledgement ignored", "warning")
+@event("acknowledgement ignored", "warning", pace=BY_PEER)
 class AcknowledgeRefused(Event):
     """An injection had the drive ignore a request to acknowledge; ``number`` of them since the farm started."""
 
@@ -248,7 +248,7 @@ class WarningChanged(Event):
 # -- memory ------------------------------------------------------------------------------------------------------------
 
 
-@event("memory not written", "warning")
+@event("memory not written", "warning", pace=BY_PEER)
 class MemoryNotWritten(Event):
     """Non-volatile memory could not be written; ``refused``: what was asked for was refused, else it is held."""
 
@@ -256,7 +256,7 @@ class MemoryNotWritten(Event):
     refused: bool
 
 
-@event("parameters saved")
+@event("parameters saved", pace=BY_PEER)
 class ParametersSaved(Event):
     """The parameters went into non-volatile memory."""
 
@@ -269,7 +269,7 @@ class MemoryNotTaken(Event):
     first: str
 
 
-@event("telegram changed")
+@event("telegram changed", pace=BY_PEER)
 class TelegramChanged(Event):
     """Another telegram is in force."""
 

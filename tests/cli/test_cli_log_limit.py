@@ -74,6 +74,15 @@ def test_a_flood_is_one_line_a_second_with_its_count_and_its_last_peer(log):
     assert sum(line.get("repeated", 1) for line in log.lines) == 60_000
 
 
+def test_a_held_line_that_stands_for_several_counts_as_them(log):
+    for _ in range(int(KIND_LINES)):
+        log.logger.info("connection refused", drive="axis-01")
+    log.logger.info("connection refused", drive="axis-01", repeated=600)
+    log.logger.info("connection refused", drive="axis-01")
+    log.wait()
+    assert log.lines[-1]["repeated"] == 601
+
+
 def test_another_drive_and_another_event_are_not_held_back_with_it(log):
     for _ in range(100):
         log.logger.info("connection lost", drive="axis-01")

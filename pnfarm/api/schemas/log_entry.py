@@ -8,7 +8,10 @@ __all__ = ["LogEntry"]
 
 
 class LogEntry(BaseModel):
-    """An entry of the event log: the members named here, and those of its event."""
+    """An entry of the event log: the members named here, and those of its event.
+
+    `repeated` is how often it happened since the last entry with this event, where a controller tries again and again.
+    """
 
     model_config = ConfigDict(extra="allow")
 

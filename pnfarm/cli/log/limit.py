@@ -116,7 +116,8 @@ class LineLimit:
             kind = self._kind(key, now)
             if kind.held == 0 and kind.credit.take(now) and self._all.take(now):
                 return True
-            kind.held += 1
+            # an entry of the event log may stand for several
+            kind.held += int(line.get("repeated", 1))
             kind.level, kind.last = level, dict(line)
             start, self._waiting = not self._waiting, True
         if start:

@@ -321,6 +321,19 @@ def test_a_cut_line_is_every_slave_at_once_and_all_come_back(farm):
     assert bench.turns()
 
 
+def test_a_master_that_is_refused_again_and_again_leaves_the_log_room_for_what_else_happens(bench):
+    bench.inject("config-fault")
+    bench.line.run(30)
+    refused = [entry for entry in bench.line.events("connection refused") if entry.drive == bench.name]
+    assert len(refused) == 12
+    assert bench.device.counted()["refused"] > 100
+    assert bench.line.drive(bench.name).events("fault injected")
+    bench.clear()
+    last = [entry for entry in bench.line.events("connection refused") if entry.drive == bench.name][-1]
+    assert last.data["repeated"] == bench.device.counted()["refused"] - 12
+    assert bench.turns()
+
+
 REFUSED = sorted(kind for kind, on in ON_PROFIBUS.items() if on.refused)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ipaddress import IPv4Address  # noqa: TC003 - fields of dataclasses
 
-from pnfarm.station.event import Event, event, shown
+from pnfarm.station.event import BY_PEER, Event, event, shown
 from pnfarm.station.events import (
     ConnectionEstablished,
     ConnectionLost,
@@ -25,7 +25,7 @@ __all__ = [
 ]
 
 
-@event("session opened", "debug")
+@event("session opened", "debug", pace=BY_PEER)
 class SessionOpened(Event):
     """A peer connected by TCP."""
 
@@ -88,7 +88,7 @@ class ForwardOpenRefused(ConnectionRefused):
     meaning: str
 
 
-@event("production moved")
+@event("production moved", pace=BY_PEER)
 class ProductionMoved(Event):
     """The connection with which a multicast production began ended; it goes on for another one."""
 

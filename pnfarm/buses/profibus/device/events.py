@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pnfarm.station.event import Event, event, shown
+from pnfarm.station.event import ATTEMPT, BY_PEER, Event, event, shown
 from pnfarm.station.events import (
     ConnectionEstablished,
     ConnectionLost,
@@ -66,7 +66,7 @@ class ParametersRefused(ConnectionRefused):
     meaning: str
 
 
-@event("parameters accepted though they are wrong", "warning")
+@event("parameters accepted though they are wrong", "warning", pace=ATTEMPT)
 class ParametersDoubted(Event):
     """The user's octets of a Set_Prm do not fit what the device's file says; its limits are lax, so they are kept."""
 
@@ -82,7 +82,7 @@ class ConfigurationRefused(ConnectionRefused):
     identifiers: bytes = shown(lambda octets: octets.hex(" "))
 
 
-@event("station address changed")
+@event("station address changed", pace=BY_PEER)
 class AddressChanged(Event):
     """The slave has another station address from now on; ``by`` says by what."""
 
@@ -90,19 +90,19 @@ class AddressChanged(Event):
     by: str
 
 
-@event("baud rate found")
+@event("baud rate found", pace=BY_PEER)
 class BaudRateFound(Event):
     """The slave heard telegrams at the line's rate: it answers from now on."""
 
     baud: int
 
 
-@event("seeking baud rate")
+@event("seeking baud rate", pace=BY_PEER)
 class BaudRateLost(Event):
     """The line has been silent, or carried nothing but garbage: the slave seeks the baud rate."""
 
 
-@event("acyclic connection opened")
+@event("acyclic connection opened", pace=BY_PEER)
 class AcyclicConnectionOpened(Event):
     """A master of class 2 opened a connection; ``sap`` is the slave's access point of it."""
 

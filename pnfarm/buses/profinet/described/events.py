@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pnfarm.station.event import Event, event
+from pnfarm.station.event import BY_PEER, Event, event
 
 __all__ = ["RecordDoubted", "RecordRefused"]
 
 
-@event()
+@event(pace=BY_PEER)
 class _RecordJudged(Event):
     """Base of events about a written record that the device's file does not allow."""
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.wire.alarms.notification import alarm_type_text
-from pnfarm.station.event import Event, Level, event, shown, unshown
+from pnfarm.station.event import BY_PEER, Event, Level, event, shown, unshown
 from pnfarm.station.events import (
     ConnectionEstablished,
     ConnectionLost,
@@ -126,12 +126,12 @@ class ConnectRefused(ConnectionRefused):
     detail: str
 
 
-@event("application ready withheld")
+@event("application ready withheld", pace=BY_PEER)
 class ApplicationReadyWithheld(Event):
     """An injection suppresses ApplicationReady for this connection."""
 
 
-@event("submodules changed")
+@event("submodules changed", pace=BY_PEER)
 class SubmodulesChanged(Event):
     """Submodules of an AR were plugged, pulled or changed owner; ``unusable`` are those that it cannot use now."""
 
@@ -152,7 +152,7 @@ class AlarmAcknowledged(Event):
         return "info" if self.status.ok else "warning"
 
 
-@event("record written", "debug")
+@event("record written", "debug", pace=BY_PEER)
 class RecordWritten(Event):
     """A record was accepted."""
 
@@ -163,7 +163,7 @@ class RecordWritten(Event):
     index: int
 
 
-@event("isochronous operation ignored")
+@event("isochronous operation ignored", pace=BY_PEER)
 class IsochronousIgnored(Event):
     """A controller asked for it: the record was taken, and the drive runs in RT without the clock."""
 
@@ -192,7 +192,7 @@ class ModulePlugged(Event):
     substitute: bool
 
 
-@event()
+@event(pace=BY_PEER)
 class DiagnosisEvent(Event):
     """Base of events about a submodule's diagnosis; ``diagnosis`` is what it says."""
 
@@ -221,7 +221,7 @@ class NameSet(StationRenamed):
     permanent: bool
 
 
-@event("address set")
+@event("address set", pace=BY_PEER)
 class AddressSet(Event):
     """DCP set the station's address, or cleared it."""
 
@@ -229,12 +229,12 @@ class AddressSet(Event):
     permanent: bool
 
 
-@event("signal begins")
+@event("signal begins", pace=BY_PEER)
 class SignalBegan(Event):
     """The drive's lamp flashes (DCP Signal)."""
 
 
-@event("signal ends")
+@event("signal ends", pace=BY_PEER)
 class SignalEnded(Event):
     """The drive's lamp stops flashing."""
 
@@ -247,14 +247,14 @@ class FactoryResetDone(StationRenamed):
     clears: tuple[str, ...]
 
 
-@event("hello set")
+@event("hello set", pace=BY_PEER)
 class HelloSet(Event):
     """The record for fast start-up enabled or disabled Hello."""
 
     mode: str
 
 
-@event("fast start-up record not understood", "warning")
+@event("fast start-up record not understood", "warning", pace=BY_PEER)
 class FastStartUpNotUnderstood(Event):
     """The record for fast start-up was accepted but cannot be parsed."""
 
@@ -264,7 +264,7 @@ class FastStartUpNotUnderstood(Event):
 # -- neighbours and management -----------------------------------------------------------------------------------------
 
 
-@event()
+@event(pace=BY_PEER)
 class NeighbourEvent(Event):
     """LLDP found a neighbour, or another one in its place."""
 
@@ -277,7 +277,7 @@ class NeighbourEvent(Event):
         return "neighbour appeared" if self.appeared else "neighbour changed"
 
 
-@event("neighbour gone")
+@event("neighbour gone", pace=BY_PEER)
 class NeighbourLost(Event):
     """LLDP receives no frames of a neighbour any more."""
 
@@ -286,7 +286,7 @@ class NeighbourLost(Event):
     reason: str
 
 
-@event("port check passed")
+@event("port check passed", pace=BY_PEER)
 class PortCheckPassed(Event):
     """A port again matches what its controller expects."""
 
@@ -300,7 +300,7 @@ class PortCheckFailed(PortCheckPassed):
     check: CheckFailed = shown(lambda check: {**_of_check(check), "detail": check.detail})
 
 
-@event("system text set")
+@event("system text set", pace=BY_PEER)
 class SystemTextSet(Event):
     """An SNMP manager wrote one of the system's texts."""
 
