@@ -7,7 +7,7 @@ import pytest
 from pnfarm.buses.profibus.faults.on_bus import ON_PROFIBUS
 from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.faults.errors import InjectionError
-from pnfarm.protocols.profibus.wire.dp import StationStatus
+from pnfarm.protocols.profibus.wire.dp import DpState, StationStatus
 
 NUMBER = {"drive-fault": {"fault": "9-1"}, "drive-warning": {"warning": 1}, "digital-input": {"input": 0}}
 
@@ -319,6 +319,20 @@ def test_a_cut_line_is_every_slave_at_once_and_all_come_back(farm):
     assert not any(station.device.connected for station in bench.core.axes)
     bench.line.run(2.0)
     assert bench.turns()
+
+
+def test_a_configuration_is_refused_also_where_the_fault_begins_between_chk_cfg_and_the_first_data(farm):
+    line = farm(running=False)
+    device = line.core.axis("msd-01").device
+
+    def between():
+        return device.slave.state is DpState.DATA_EXCH and not device.slave.exchanging
+
+    assert line._line.world.run(5, until=between, look_ns=10_000)
+    line.inject("config-fault", on="msd-01")
+    line.run(1)
+    assert not device.slave.exchanging
+    assert device.counted()["refused"] > 0
 
 
 def test_a_master_that_is_refused_again_and_again_leaves_the_log_room_for_what_else_happens(bench):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.errors import ConfigError
 from pnfarm.faults.effects.parts import DrivePart, Part
 from pnfarm.protocols.profibus.gsd.diagnosis import LINE_BREAK
-from pnfarm.protocols.profibus.wire.dp import join_diagnoses
+from pnfarm.protocols.profibus.wire.dp import DpState, join_diagnoses
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -65,7 +65,8 @@ class SlavePart(DrivePart):
             # a slave cannot change its number in data exchange: it starts anew
             slave.leave(now)
         slave.refuse_configuration = bool(known["configuration"])
-        if known["configuration"] and slave.exchanging:
+        # also before the first Data_Exchange: no Chk_Cfg would come that could be refused
+        if known["configuration"] and slave.state is DpState.DATA_EXCH:
             slave.leave(now)
         diagnosis = join_diagnoses(known["diagnosis"], user.most_further)
         static = bool(known["static"])
