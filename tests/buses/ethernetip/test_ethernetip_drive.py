@@ -387,6 +387,14 @@ def test_a_reset_answers_and_then_restarts_the_drive(rig):
     assert rig.peer.get(IDENTITY, 1, 1).status == 0
 
 
+def test_a_reset_is_not_put_off_by_one_that_is_asked_for_again(rig):
+    rig.peer.connect()
+    for _ in range(8):
+        assert rig.peer.ask(Service.RESET, logical_path(IDENTITY, 1), seconds=0.01).status == 0
+    rig.peer.run(0.03)
+    assert rig.texts().count("power on") == 1
+
+
 def test_settings_of_the_network_survive_a_power_cycle_and_a_reset_to_factory_settings_forgets_them(rig):
     rig.peer.connect()
     assert rig.peer.set(0x48, 1, 5, b"\x2e").status == 0

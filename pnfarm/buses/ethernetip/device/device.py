@@ -209,7 +209,9 @@ class EthernetIpDevice:
         """Events of the machines, and what they send; an answer to what was worked on waits."""
         if self._reset_wanted:
             self._reset_wanted = False
-            self._reset_ns = now + RESET_NS
+            # one that is asked for again puts nothing off
+            if self._reset_ns is None:
+                self._reset_ns = now + RESET_NS
         self.connections.take(self.adapter.take_events(), now)
         work_ns = self.work.take()
         for output in self.adapter.take_outputs():
