@@ -10,7 +10,7 @@ from pnfarm.drives.catalogue import model
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
 from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.protocols.profibus.wire.dp import Control, Parameters, PrmStatus, SetAddress, StationStatus
-from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram
+from pnfarm.protocols.profibus.wire.telegram import Sap, ShortAck, Telegram, Token, emit_telegram
 
 DP = model("moog-msd-dp")
 
@@ -136,6 +136,19 @@ def test_the_rate_of_the_line_is_in_p_0963(farm):
     assert line.core.axis("msd-01").store.get("P-0963") == 3
     line = farm()
     assert line.core.axis("msd-01").store.get("P-0963") == 6
+
+
+@pytest.mark.parametrize("telegram", [Telegram(99, 1, 0x6D, Sap.SLAVE_DIAGNOSIS, Sap.MASTER), Token(1, 1), ShortAck()])
+def test_a_line_that_lives_on_telegrams_for_others_keeps_its_rate(farm, telegram):
+    line = farm()
+    plc = master(line)
+    plc.release(line.now_ns)
+    for _ in range(120):
+        plc.link.send(plc.port.index, emit_telegram(telegram))
+        line.run(0.1)
+    assert [entry.event for entry in line.events("seeking baud rate")] == []
+    line.run(6)
+    assert len(line.events("seeking baud rate")) == 1, "silence"
 
 
 def lamps(line):

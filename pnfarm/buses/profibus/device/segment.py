@@ -75,8 +75,11 @@ class ProfibusSegment:
             # whose answer is due comes first
             found.sort(key=lambda port: self._devices[port].slave.address != destination)
             self._by_address[destination] = found
-        if not found and destination is not None:
-            self._look(frame, destination, now)
+        if not found:
+            # :meth:`admits` is asked of what concerns a slave; other stations' telegrams keep the rate as well
+            self.heard_ns = now
+            if destination is not None:
+                self._look(frame, destination, now)
         return found
 
     def _look(self, frame: bytes, destination: int, now: int) -> None:
