@@ -34,6 +34,7 @@ from pnfarm.protocols.profinet.description import Plugged, SlotState
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.errors import PnioStatus
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.control import ControlCommand, SubmoduleList
 from pnfarm.protocols.profinet.wire.cm.expected import ArInfo, IdentInfo, ModuleDiffBlock, ModuleState
@@ -396,6 +397,25 @@ def test_a_controller_that_connects_under_a_supervisor_finds_its_submodules_lock
         (1, 1): (IdentInfo.OK, ArInfo.LOCKED_BY_IO_SUPERVISOR),
         (1, 2): (IdentInfo.OK, ArInfo.LOCKED_BY_IO_SUPERVISOR),
     }
+
+
+def test_a_controller_sees_of_a_locked_submodule_who_its_owner_is_now():
+    bench = shared_bench()
+    first = Controller(bench, 1, drive_only, properties=TAKEOVER_ALLOWED)
+    second = Controller(bench, 2, drive_only)
+    supervisor = Controller(bench, 8, drive_only, **SUPERVISOR)
+
+    def owner():
+        record = parse_blocks(bench.records.read(bench.cm.ar(second.key), 0, 0, 0, 0xE002, 4096, 0))
+        return {info for _, info in states(record[0]).values()}
+
+    first.establish()
+    second.establish()
+    assert owner() == {ArInfo.LOCKED_BY_IO_CONTROLLER}
+    supervisor.establish()
+    assert owner() == {ArInfo.LOCKED_BY_IO_SUPERVISOR}
+    assert supervisor.release().ok
+    assert owner() == {ArInfo.LOCKED_BY_IO_CONTROLLER}
 
 
 def test_a_supervisor_that_is_lost_gives_back_as_well():

@@ -355,8 +355,7 @@ class CmDevice:
             self.alarm(change.alarm_type, place, now, items=items, specifier=change.alarm_specifier)
             self._events.append(DiagnosisChanged(change))
         if changes:
-            for ar in self.ars:
-                ar.module_diff = self._modules.diff(ar)
+            self._renew_diffs()
         return bool(changes)
 
     # Connect
@@ -367,7 +366,7 @@ class CmDevice:
 
         def admitted(head: ArBlockReq) -> list[Ar]:
             heads.append(head)
-            return self._admit(head, caller)
+            return admit(head, caller, self.ars, self.description.limits)
 
         def refused(status: PnioStatus, detail: str) -> ConnectRefused:
             known = [(head.station_name.decode("latin-1"), head.initiator_mac) for head in heads]
@@ -418,23 +417,20 @@ class CmDevice:
         )
         if ar.device_access:
             self._step(ar, CmdevEvent.CONNECT_RSP_DEVICE_ACCESS, now)
-            self._touch(ar, now)
         else:
             self._step(ar, CmdevEvent.CONNECT_RSP, now)
             self._step(ar, CmdevEvent.STARTUP_CNF, now)
-            self._touch(ar, now)
+        self._touch(ar, now)
         for loser, keys in claimed.taken.items():
             self._modules.taken_over(self._ars[loser], keys, now)
             self._changed(self._ars[loser])
+        self._renew_diffs()
         self._take_alarms(now)
         return OK, answer
 
-    def _admit(self, head: ArBlockReq, caller: Caller) -> list[Ar]:
-        return admit(head, caller, self.ars, self.description.limits)
-
     def _replaced(self, request: ConnectRequest, caller: Caller) -> list[Ar]:
         """The initiator's older ARs, if there is room for the new one and no injection refuses it."""
-        older = self._admit(request.ar, caller)
+        older = admit(request.ar, caller, self.ars, self.description.limits)
         wanted = self.refuse_connect(request.ar) if self.refuse_connect else None
         if wanted is not None:
             raise RefusedError(wanted, "refused on purpose")
@@ -534,6 +530,10 @@ class CmDevice:
 
     # modules
 
+    def _renew_diffs(self) -> None:
+        for ar in self.ars:
+            ar.module_diff = self._modules.diff(ar)
+
     def _changed(self, ar: Ar) -> None:
         ar.module_diff = self._modules.diff(ar)
         self._events.append(SubmodulesChanged(ar.key, self._modules.unusable(ar)))
@@ -612,6 +612,7 @@ class CmDevice:
         for heir_key, keys in pass_on(ar, self.ars).items():
             self._modules.inherited(self._ars[heir_key], keys, now)
             self._changed(self._ars[heir_key])
+        self._renew_diffs()
         self._take_alarms(now)
 
     def _by_uuid(self, uuid: UUID) -> Ar | None:

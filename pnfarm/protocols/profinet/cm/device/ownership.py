@@ -63,7 +63,7 @@ def claim(request: ArBlockReq, expected: Iterable[ExpectedApi], ars: Iterable[Ar
     return result
 
 
-def settle_claim(claimed: Claim, ar: Ar, ars: Iterable[Ar]) -> None:
+def settle_claim(claimed: Claim, ar: Ar, ars: Sequence[Ar]) -> None:
     """Give ``ar`` what it claimed; the ARs that lose find it locked by a supervisor."""
     ar.owned, ar.locked = set(claimed.owned), dict(claimed.locked)
     for loser in ars:
@@ -71,6 +71,7 @@ def settle_claim(claimed: Claim, ar: Ar, ars: Iterable[Ar]) -> None:
             loser.owned.discard(key)
             loser.pending.discard(key)
             loser.locked[key] = ArInfo.LOCKED_BY_IO_SUPERVISOR
+    _tell_owners((*ars, ar))
 
 
 def pass_on(ending: Ar, ars: Sequence[Ar]) -> dict[int, set[ExpectedKey]]:
@@ -86,10 +87,14 @@ def pass_on(ending: Ar, ars: Sequence[Ar]) -> dict[int, set[ExpectedKey]]:
             waiting.discard(key)
             heirs.setdefault(ar.key, set()).add(key)
     ending.owned.clear()
-    # other ARs that expect a passed-on submodule see the kind of its new owner
+    _tell_owners(ars)
+    return heirs
+
+
+def _tell_owners(ars: Sequence[Ar]) -> None:
+    """Each AR that finds a submodule locked sees the kind of its owner, who may be another now."""
     for ar in ars:
         for key in ar.locked:
             owner = next((o for o in ars if key in o.owned), None)
             if owner is not None:
                 ar.locked[key] = ArInfo.LOCKED_BY_IO_SUPERVISOR if owner.supervisor else ArInfo.LOCKED_BY_IO_CONTROLLER
-    return heirs
