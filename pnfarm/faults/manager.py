@@ -86,6 +86,8 @@ class InjectionManager:
         self._due: dict[int, tuple[int, Injection, DriveRun]] = {}
         self._heap: list[tuple[int, int]] = []
         self._dirty: dict[str, None] = {}
+        #: Drives without an injection that have not taken yet what the last one's end asks of them: they are off.
+        self._late: set[str] = set()
         self._events: list[Happened] = []
         self._numbers = 0
         self._keys = 0
@@ -247,15 +249,20 @@ class InjectionManager:
 
     def poke(self, name: str, now: int) -> None:
         """Something happened on this drive and is settled: check its injections."""
-        if name not in self._by_drive:
+        if name not in self._by_drive and name not in self._late:
             return
-        self._drives[name].refresh(now)
+        drive = self._drives[name]
+        drive.refresh(now)
+        if name not in self._by_drive:
+            if not drive.in_force():
+                self._late.discard(name)
+            return
         for injection, run in list(self._by_drive[name].values()):
             self._look(injection, run, now)
 
     def touch(self, name: str) -> None:
         """Something happens on this drive: check its injections at the next :meth:`handle_timeout`."""
-        if name in self._by_drive:
+        if name in self._by_drive or name in self._late:
             self._dirty[name] = None
 
     def next_deadline(self) -> int | None:
@@ -451,6 +458,8 @@ class InjectionManager:
         del runs[run.key]
         if not runs:
             del self._by_drive[run.drive]
+            if run.injected.in_force():
+                self._late.add(run.drive)
         self._due.pop(run.key, None)
 
     def _retire(self, injection: Injection) -> None:

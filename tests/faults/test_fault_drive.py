@@ -236,6 +236,32 @@ def test_a_second_power_cycle_waits_until_the_drive_is_connected_again(line):
     line.enable()
 
 
+@pytest.mark.parametrize("ends", ["by its time", "cleared"])
+def test_a_held_fault_that_ends_while_a_user_has_the_drive_off_can_be_acknowledged_afterwards(line, ends):
+    fault = line.add("f702", for_="1s")
+    line.run(0.2)
+    station = line.farm.axes[0].station
+    station.switch(line.world.now, on=False)
+    line.farm.settle(station, line.world.now)
+    if ends == "cleared":
+        line.clear(fault.id)
+    line.run(1.0)
+    assert fault.state == "ended"
+    station.switch(line.world.now, on=True)
+    line.farm.settle(station, line.world.now)
+    line.enable(10.0)
+    assert line.faults.drive("axis-01").in_force() == {}
+
+
+def test_faults_that_begin_and_end_at_once_are_not_held_however_many_they_are(line):
+    for number in (301, 302, 304, 439, 501, 502, 602, 702):
+        line.add("drive-fault", params={"fault": number, "hold": True})
+    line.clear()
+    line.run(0.5)
+    line.enable(10.0)
+    assert line.faults.drive("axis-01").in_force() == {}
+
+
 def test_a_fault_held_while_the_drive_is_off_is_there_when_it_comes_back(line):
     line.add("power-cycle", params={"off": "1s"})
     for _ in range(12):
