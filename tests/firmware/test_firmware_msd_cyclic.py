@@ -203,6 +203,24 @@ def test_a_driving_set_that_is_not_there_starts_nothing() -> None:
     assert (bench.speed, bench.see("AKTSATZ")) == (0.0, 0)
 
 
+@pytest.mark.parametrize("velocity", [1200, -1200])
+def test_telegram_7_with_bit_14_runs_at_the_velocity_until_it_is_ended(velocity: int) -> None:
+    """Table 10.4: speed mode, in which the driving set has no target."""
+    bench = positioner(7)
+    bench.store.write(202, 0, [n * REV for n in range(16)])
+    bench.store.set("P-1277", 1200)
+    bench.send(1, STW1=TASKS | START, SATZANW=3)
+    arrive(bench)
+    bench.store.set("P-1277", velocity)
+    bench.send(2000, STW1=TASKS | ENDLESS, SATZANW=5)
+    assert bench.speed == pytest.approx(velocity, abs=2)
+    # and the next set takes over
+    bench.store.set("P-1277", 1200)
+    bench.send(1, STW1=TASKS | START, SATZANW=1)
+    arrive(bench)
+    assert bench.place == pytest.approx(1.0, abs=0.002)
+
+
 def test_driving_sets_are_kept_and_their_number_is_seen_while_the_axis_rests() -> None:
     bench = positioner(7)
     bench.store.write(202, 5, [2 * REV])

@@ -437,7 +437,7 @@ def _advance(axis: Any, held: int) -> int:
 @inlined
 def _follow_on(axis: Any, now: int) -> bool:
     """Begin the task after a chained one, once its dwell is over; true while one is to come or has begun."""
-    if axis.positioning.state != TASK or axis.positioning.task < 0:
+    if axis.positioning.state != TASK or axis.positioning.task < 0 or axis.positioning.endless:
         return False
     if axis.asked.begins:
         # a request in this step takes precedence
