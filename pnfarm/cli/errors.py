@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import typer
@@ -31,10 +32,13 @@ def report(error: BaseException) -> int:
     """
     leaves = list(_leaves(error))
     shown = next((leaf for leaf in leaves if _is_for_users(leaf)), leaves[0])
-    if settings.debug and not isinstance(shown, _USAGE):
-        traceback.print_exception(error, file=sys.stderr)
     code, text = _code_and_text(shown)
-    sys.stderr.write(f"{text}\n")
+    # the reader may have gone, the disk may be full: the exit code is the same
+    with suppress(OSError):
+        if settings.debug and not isinstance(shown, _USAGE):
+            traceback.print_exception(error, file=sys.stderr)
+        sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
     return code
 
 

@@ -42,7 +42,7 @@ from pnfarm.farm.process.garbage import search_seldom
 from pnfarm.farm.process.heap import keep_heap_small
 from pnfarm.terminal.command import Command, Panel, arranged
 from pnfarm.terminal.settings import LogFormat, LogLevel, Settings, help_without_command, settings
-from pnfarm.terminal.streams import prepare_streams, silence_stdout
+from pnfarm.terminal.streams import prepare_streams, silence
 from pnfarm.version import __version__
 
 if TYPE_CHECKING:
@@ -170,11 +170,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
-        silence_stdout()
+        silence(sys.stdout)
         return 0
     except SystemExit as exc:
         if isinstance(exc.__context__, BrokenPipeError):
-            silence_stdout()
+            silence(sys.stdout)
             return 0
         return exc.code if isinstance(exc.code, int) else 0
     except typer.Abort:
@@ -186,7 +186,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run() -> None:
     """Entry point of the installed program."""
-    sys.exit(main())
+    code = main()
+    try:
+        sys.stderr.flush()
+    except OSError:
+        # what the interpreter cannot flush at its end would change the exit code
+        silence(sys.stderr)
+    sys.exit(code)
 
 
 if __name__ == "__main__":

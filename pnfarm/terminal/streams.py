@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["going_on_unread", "prepare_streams", "silence_stdout"]
+__all__ = ["going_on_unread", "prepare_streams", "silence"]
 
 
 def prepare_streams() -> None:
@@ -27,11 +27,11 @@ def prepare_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def silence_stdout() -> None:
-    """The reader of our output has closed the pipe: discard what is still buffered."""
+def silence(stream: TextIO) -> None:
+    """Discard what is still buffered, and what is written from now on."""
     try:
         null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, sys.stdout.fileno())
+        os.dup2(null, stream.fileno())
         os.close(null)
     except (OSError, ValueError):
         # not a real stream (in a test): nothing is flushed at exit
@@ -51,20 +51,20 @@ class _Unread:
         try:
             return self._stream.write(text)
         except BrokenPipeError:
-            silence_stdout()
+            silence(self._stream)
             return len(text)
 
     def flush(self) -> None:
         try:
             self._stream.flush()
         except BrokenPipeError:
-            silence_stdout()
+            silence(self._stream)
 
 
 @contextmanager
 def going_on_unread() -> Iterator[None]:
-    """For commands whose exit code is a verdict: they come to their end and write their files though nobody reads what
-    they print any more, as in ``pnfarm run ... | head -1``.
+    """For commands that run until they are stopped, or whose exit code is a verdict: they come to their end and write
+    their files though nobody reads what they print any more, as in ``pnfarm run ... | head -1``.
     """
     before = sys.stdout
     sys.stdout = _Unread(before)

@@ -7,6 +7,7 @@ import io
 import json
 import os
 import sys
+from pathlib import Path
 
 import structlog
 
@@ -84,3 +85,27 @@ def test_a_line_that_was_cut_off_is_ended_before_the_next_one():
     assert not first.endswith("\n")
     assert second == "\nwhole\n"
     assert error.lost == 0
+
+
+def test_a_log_whose_reader_has_gone_ends_nothing():
+    with piped() as pipe:
+        os.dup2(elsewhere := os.open(os.devnull, os.O_RDONLY), pipe)
+        os.close(elsewhere)
+        error = StandardError()
+        error.write("one\n")
+        error.write("two\n")
+    assert error.lost == 2
+
+
+def test_a_log_on_a_full_disk_ends_nothing(monkeypatch):
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
+        monkeypatch.setattr(sys, "stderr", full)
+        error = StandardError()
+        error.write("lost\n")
+        assert error.lost == 1
+        # there is room again
+        room = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(room, full.fileno())
+        os.close(room)
+        error.write("written\n")
+        assert error.lost == 0

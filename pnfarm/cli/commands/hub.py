@@ -11,6 +11,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.terminal.client import token_in
 from pnfarm.terminal.output import print_line
 from pnfarm.terminal.settings import setting, settings
+from pnfarm.terminal.streams import going_on_unread
 
 if TYPE_CHECKING:
     from pnfarm.api.access.tls import ServerTls
@@ -22,6 +23,7 @@ __all__ = ["hub"]
 _LISTEN = "127.0.0.1:8702"
 
 
+@going_on_unread()
 def hub(
     shard: Annotated[
         list[str] | None,

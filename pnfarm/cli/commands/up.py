@@ -14,6 +14,7 @@ from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.process.address_space import ENGINE, require_address_space
 from pnfarm.terminal.output import print_line, print_table
 from pnfarm.terminal.settings import FarmFile, ShardOption, setting, settings
+from pnfarm.terminal.streams import going_on_unread
 from pnfarm.terminal.working import working
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ _SETTINGS: Mapping[str, tuple[str, str, str]] = {
 }
 
 
+@going_on_unread()
 def up(
     context: typer.Context,
     file: FarmFile,

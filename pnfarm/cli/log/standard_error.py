@@ -1,7 +1,7 @@
 """Standard error as the log's destination: it never makes the program wait for whoever reads it.
 
 A pipe that nobody reads is full after 64 KB: the supervisor of a container may have died, and the container runs on.
-Then lines are lost, and the next one that is written says how many.
+Then lines are lost, as with a reader that has gone or a full disk, and the next one that is written says how many.
 """
 
 from __future__ import annotations
@@ -30,23 +30,32 @@ class StandardError:
         self._is_torn = False
 
     def write(self, text: str) -> int:
+        try:
+            is_written = self._written(text)
+        except OSError:
+            is_written = False
+        self.lost = 0 if is_written else self.lost + 1
+        return len(text)
+
+    def _written(self, text: str) -> bool:
         pipe = self._pipe()
         if pipe is None:
-            return sys.stderr.write(text)
+            sys.stderr.write(text)
+            sys.stderr.flush()
+            return True
         octets = text.encode("utf-8", "backslashreplace")
         if self._is_torn:
             octets = b"\n" + octets
         for start in range(0, len(octets), PIECE):
             if not _takes_more(pipe):
-                self.lost += 1
                 self._is_torn = self._is_torn or start > 0
-                return len(text)
+                return False
             os.write(pipe, octets[start : start + PIECE])
-        self.lost, self._is_torn = 0, False
-        return len(text)
+        self._is_torn = False
+        return True
 
     def flush(self) -> None:
-        sys.stderr.flush()
+        """Each line is flushed when it is written."""
 
     def isatty(self) -> bool:
         return sys.stderr.isatty()
