@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     import httpx
 
-__all__ = ["FarmClient", "FarmError", "token_in"]
+__all__ = ["FarmClient", "FarmError", "sendable", "token_in"]
 
 #: Environment variable that names a file with the token; used if neither --token nor PNFARM_TOKEN is given.
 FILE_VARIABLE = "PNFARM_TOKEN_FILE"
@@ -60,6 +60,19 @@ def token_in(variable: str = FILE_VARIABLE) -> str | None:
     return token
 
 
+def sendable(token: str | None) -> str | None:
+    """A token without the blanks around it, as of a file's last line; None for none.
+
+    Raises :class:`ConfigError` for one that no header can carry: an error of the library below would show it.
+    """
+    found = (token or "").strip()
+    if not all("!" <= letter <= "~" for letter in found):
+        raise ConfigError(
+            "the token has characters that no header can carry; allowed: letters, digits and signs of ASCII, no blanks"
+        )
+    return found or None
+
+
 class FarmClient:
     """A context manager.  ``address`` is a URL or HOST:PORT; paths are relative to ``/api/v1``.
 
@@ -71,7 +84,7 @@ class FarmClient:
         import httpx
 
         self.address = address
-        token = token or token_in()
+        token = sendable(token) or sendable(token_in())
         url = _base(address, secure=bool(tls_ca or os.environ.get(CA_VARIABLE)))
         trust = client_context(tls_ca) if url.startswith("https:") else True
         headers = {"Authorization": f"Bearer {token}"} if token else {}
@@ -120,6 +133,10 @@ class FarmClient:
             response = self._client.request(method, _joined(path), json=body, params=query)
         except httpx.HTTPError as exc:
             raise self._unreachable(exc) from exc
+        except UnicodeEncodeError as exc:
+            # a shell hands on any octets
+            odd = ascii(exc.object[max(0, exc.start - 20) : exc.end + 20])
+            raise ConfigError(f"{odd} has octets that are not text in UTF-8") from exc
         self._raise_for(response)
         if not response.content:
             return None

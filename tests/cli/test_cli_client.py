@@ -456,6 +456,32 @@ def test_the_token_of_a_file_is_shown_where_none_is_given(ask, farm, monkeypatch
     assert f"the token's file {kept} (PNFARM_TOKEN_FILE) cannot be read: no such file" in found.err
 
 
+def test_blanks_around_a_token_are_not_part_of_it(ask, farm, monkeypatch):
+    farm.answer("GET", "faults", {"faults": []})
+    monkeypatch.setenv("PNFARM_TOKEN", "secret-1\n")
+    assert ask("fault", "list").code == 0
+    assert [shown for *_, shown in farm.asked] == ["Bearer secret-1"]
+
+
+@pytest.mark.parametrize("token", ["geheimes Wort", "Schlüssel", "two\nlines"])
+def test_a_token_that_no_header_can_carry_is_refused_and_not_printed(ask, pnfarm, farm, token, monkeypatch):
+    monkeypatch.setattr("anyio.run", lambda *_, **__: None)
+    for found in (
+        ask("fault", "list", "--token", token),
+        pnfarm("hub", "--shard", farm.url, "--shard-token", token),
+    ):
+        assert (found.code, token.split()[0] in found.err, farm.asked) == (2, False, [])
+        assert "the token has characters that no header can carry" in found.err
+
+
+@pytest.mark.parametrize("arguments", [("inspect", "\udcff"), ("fault", "add", "loss", "--on", "axis-\udcff")])
+def test_octets_that_are_no_text_are_bad_input(ask, farm, arguments):
+    farm.answer("GET", "devices", {"devices": []})
+    found = ask(*arguments)
+    assert found.code == 2
+    assert "has octets that are not text in UTF-8" in found.err
+
+
 def test_a_proxy_of_the_environment_does_not_stand_before_the_farm(ask, farm, monkeypatch):
     monkeypatch.setenv("HTTP_PROXY", "http://127.0.0.1:1")
     farm.answer("GET", "faults", {"faults": []})

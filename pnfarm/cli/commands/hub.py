@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from pnfarm.errors import ConfigError
-from pnfarm.terminal.client import token_in
+from pnfarm.terminal.client import sendable, token_in
 from pnfarm.terminal.output import print_line
 from pnfarm.terminal.settings import setting, settings
 from pnfarm.terminal.streams import going_on_unread
@@ -131,7 +131,7 @@ def hub(
         raise ConfigError("--tls-key is given without a certificate: add --tls-cert FILE")
     known = TokenFile(tokens) if tokens is not None else None
     tls = ServerTls(tls_cert, tls_key) if tls_cert is not None else None
-    shards = _Shards(urls, names, shard_token or token_in("PNFARM_HUB_SHARD_TOKEN_FILE"), tls_ca)
+    shards = _Shards(urls, names, sendable(shard_token) or sendable(token_in("PNFARM_HUB_SHARD_TOKEN_FILE")), tls_ca)
     anyio.run(_run, section, known, audit, tls, shards)
 
 
