@@ -318,6 +318,15 @@ def test_a_hold_whose_fault_lapsed_says_so(ask, farm):
     assert ask("fault", "add", "f702", "--on", "all", "--hold", "--ttl", "100ms").out.splitlines()[-1] == "trip: ended"
 
 
+def test_a_hold_as_json_is_the_fault_as_it_began_and_as_it_ended(ask, farm):
+    held = FAULT | {"spec": {"kind": "f702", "on": ["all"], "ttl": "100ms"}}
+    farm.answer("POST", "faults", held, 201)
+    farm.answer("GET", "faults/trip", held | {"state": "ended"})
+    text = ask("fault", "add", "f702", "--on", "all", "--hold", "--format", "json").out
+    began, end = json.JSONDecoder().raw_decode(text)
+    assert (began["state"], json.loads(text[end:])["state"]) == ("active", "ended")
+
+
 @pytest.mark.parametrize("number", ["nan", "inf", "-1", "1.5"])
 def test_a_probability_that_is_none_is_bad_input_and_nothing_is_asked(ask, farm, number):
     found = ask("fault", "add", "loss", "--on", "all", "--probability", number)

@@ -208,7 +208,7 @@ def add(
                     f"pnfarm fault list {fault['id']} shows its evidence, pnfarm fault clear {fault['id']} ends it"
                 )
         if hold:
-            _keep(farm, fault)
+            _keep(farm, fault, output)
     raise_for_missing(fault)
 
 
@@ -312,8 +312,8 @@ def _print_reach(found: dict[str, Any]) -> None:
     print_line(f"{what}{refused}{again}")
 
 
-def _keep(farm: client.FarmClient, fault: dict[str, Any]) -> None:
-    """Renew a fault's time to live until it ends or this command is stopped, then clear it."""
+def _keep(farm: client.FarmClient, fault: dict[str, Any], output: Format) -> None:
+    """Renew a fault's time to live until it ends or this command is stopped, then clear it, and print how it ended."""
     import signal
     import threading
 
@@ -334,8 +334,8 @@ def _keep(farm: client.FarmClient, fault: dict[str, Any]) -> None:
             try:
                 fault = farm.delete("faults", fault["id"])
             except PnfarmError as exc:
-                print_line(f"{fault['id']} ends by its time to live: {exc}")
-    print_line(f"{fault['id']}: {fault['state']}")
+                typer.echo(f"{fault['id']} ends by its time to live: {exc}", err=True)
+    print_found(fault, output, lambda one: print_line(f"{one['id']}: {one['state']}"))
 
 
 def _parameter(text: str) -> tuple[str, Any]:
