@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
@@ -146,7 +147,7 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
 
         async def begin() -> _RemoteFault:
             body = fields_of(kind, on, options)
-            found = _RemoteFault(self, await self.ask(self._client.post, "faults", body=body))
+            found = _RemoteFault(self, await self._begin("faults", body))
             self._faults[found.view.id] = found
             return found
 
@@ -173,7 +174,7 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
 
     async def run_text(self, text: str, *, part: bool = False) -> ScenarioResult:
         """As :meth:`run_scenario`, from the file's text; ``part``: of the caller's own, without traces."""
-        begun = await self.ask(self._client.post, "scenarios", body={"text": text, "part": part})
+        begun = await self._begin("scenarios", {"text": text, "part": part})
         try:
             while True:
                 progress = await self.ask(self._client.get, "scenarios", begun["id"], query=PROGRESS)
@@ -184,6 +185,16 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
         except BaseException:
             with anyio.CancelScope(shield=True):
                 await self.ask(self._client.delete, "scenarios", begun["id"])
+            raise
+
+    async def _begin(self, what: str, body: Mapping[str, Any]) -> Any:
+        """Post to ``what``; a cancellation waits for the answer and deletes what the farm has begun by then."""
+        asked = asyncio.ensure_future(self.ask(self._client.post, what, body=body))
+        try:
+            return await asyncio.shield(asked)
+        except asyncio.CancelledError:
+            with anyio.CancelScope(shield=True), suppress(PnfarmError):
+                await self.ask(self._client.delete, what, (await asked)["id"])
             raise
 
     # -- what happened

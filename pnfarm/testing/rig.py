@@ -46,15 +46,15 @@ class Rig(BlockingFace["RigDrive"]):
         self._farm: Farm | RemoteFarm
         is_remote = "://" in self.where
         self._farm = Farm.connect(self.where, token=token, tls_ca=tls_ca) if is_remote else Farm.from_file(where)
-        self._loop: asyncio.AbstractEventLoop | None = None
+        self._runner: asyncio.Runner | None = None
         self._thread: threading.Thread | None = None
 
     def open(self) -> None:
         """Start the farm, or connect to it; on failure nothing is left behind."""
-        if self._loop is not None:
+        if self._runner is not None:
             raise ConfigError("the rig runs already")
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, name="pnfarm-rig", daemon=True)
+        self._runner = asyncio.Runner(loop_factory=asyncio.new_event_loop)
+        self._thread = threading.Thread(target=self._runner.get_loop().run_forever, name="pnfarm-rig", daemon=True)
         self._thread.start()
         try:
             self.call(self._farm.open())
@@ -64,27 +64,27 @@ class Rig(BlockingFace["RigDrive"]):
 
     def close(self) -> None:
         """Clear what was injected, and stop the farm, or disconnect.  Closing twice does nothing."""
-        if self._loop is not None:
+        if self._runner is not None:
             try:
                 self.call(self._farm.close())
             finally:
                 self._end_loop()
 
     def _end_loop(self) -> None:
-        loop, thread, self._loop, self._thread = self._loop, self._thread, None, None
-        if loop is not None and thread is not None:
+        runner, thread, self._runner, self._thread = self._runner, self._thread, None, None
+        if runner is not None and thread is not None:
+            loop = runner.get_loop()
             loop.call_soon_threadsafe(loop.stop)
             thread.join()
-            loop.run_until_complete(loop.shutdown_asyncgens())
-            loop.run_until_complete(loop.shutdown_default_executor())
-            loop.close()
+            # what Ctrl-C has cancelled cleans up first
+            runner.close()
 
     def call(self, work: Coroutine[Any, Any, _T]) -> _T:
         """Carry out a coroutine of :attr:`farm` in the rig's thread; Ctrl-C cancels it."""
-        if self._loop is None:
+        if self._runner is None:
             work.close()
             raise ConfigError("the rig is not running: use it in a `with` statement")
-        future = asyncio.run_coroutine_threadsafe(work, self._loop)
+        future = asyncio.run_coroutine_threadsafe(work, self._runner.get_loop())
         try:
             return future.result()
         except BaseException:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import concurrent.futures
 import threading
 import time
 from contextlib import asynccontextmanager
@@ -305,3 +306,35 @@ def test_a_rig_has_the_signals_of_its_devices(tmp_path):
         assert [one.name for one in rig.devices if one.connected] == ["island-1"]
         with pytest.raises(ConfigError, match="the controller alone writes it"):
             device.signals.set({"valve": True})
+
+
+def test_a_rig_whose_start_is_interrupted_cleans_up(monkeypatch, tmp_path):
+    file = tmp_path / "line.pnfarm.yml"
+    file.write_text(FILE)
+    began, happened = threading.Event(), ["began"]
+
+    async def opened(_farm):
+        try:
+            began.set()
+            await anyio.sleep_forever()
+        finally:
+            with anyio.CancelScope(shield=True):
+                # as the removal of interfaces
+                await anyio.sleep(0.01)
+            happened.append("cleaned up")
+
+    whole = concurrent.futures.Future.result
+
+    def interrupted(future, *timeout):
+        if threading.current_thread() is not threading.main_thread() or len(happened) == 2:
+            return whole(future, *timeout)
+        began.wait(10)
+        happened.append("interrupted")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pnfarm.Farm, "open", opened)
+    monkeypatch.setattr(concurrent.futures.Future, "result", interrupted)
+    rig = Rig(file)
+    with pytest.raises(KeyboardInterrupt):
+        rig.open()
+    assert happened == ["began", "interrupted", "cleaned up"]

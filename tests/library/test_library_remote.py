@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 
+import anyio
 import pytest
 
 import pnfarm
@@ -93,3 +95,47 @@ def test_a_fault_that_a_hub_could_clear_in_part_only_is_an_error_and_others_are_
         asyncio.run(main())
     assert client.cleared == ["half", "whole"]
     assert not client.is_open
+
+
+class SlowClient:
+    """Answers a request that begins something once it is released."""
+
+    def __init__(self) -> None:
+        self.asked, self.released = threading.Event(), threading.Event()
+        self.deleted: list[tuple[str, ...]] = []
+
+    def post(self, *path: str, **_: object) -> dict[str, object]:
+        self.asked.set()
+        self.released.wait(10)
+        return {"id": f"{path[0]}-1"}
+
+    def delete(self, *path: str) -> None:
+        self.deleted.append(path)
+
+
+@pytest.mark.parametrize("by", ["asyncio", "anyio"])
+@pytest.mark.parametrize("what", ["faults", "scenarios"])
+def test_what_a_cancelled_request_has_begun_is_ended(what: str, by: str) -> None:
+    client = SlowClient()
+
+    async def cancelled_while_it_is_asked() -> None:
+        farm = pnfarm.Farm.connect("http://127.0.0.1:1")
+        farm._client = client
+
+        async def ask() -> None:
+            await (farm.fault("f702") if what == "faults" else farm.run_text("scenario: x"))
+
+        async with anyio.create_task_group() as tasks:
+            if by == "anyio":
+                tasks.start_soon(ask)
+            else:
+                task = asyncio.ensure_future(ask())
+            await asyncio.to_thread(client.asked.wait, 10)
+            (tasks.cancel_scope if by == "anyio" else task).cancel()
+            asyncio.get_running_loop().call_later(0.01, client.released.set)
+        if by == "asyncio":
+            with pytest.raises(asyncio.CancelledError):
+                await task
+
+    asyncio.run(cancelled_while_it_is_asked())
+    assert client.deleted == [(what, f"{what}-1")]
