@@ -259,7 +259,7 @@ class RemoteDrive:
     @property
     def faults(self) -> list[FaultReading]:
         """The active ones, the first one first."""
-        return [FaultReading(self._model, found["number"]) for found in self.view["faults"]]
+        return [self._fault(found) for found in self.view["faults"]]
 
     @property
     def active_fault(self) -> FaultReading | None:
@@ -270,12 +270,12 @@ class RemoteDrive:
     def last_fault(self) -> FaultReading | None:
         """The active one, or the one that was acknowledged last."""
         found = self.view["last_fault"]
-        return None if found is None else FaultReading(self._model, found["number"])
+        return None if found is None else self._fault(found)
 
     @property
     def warning(self) -> FaultReading | None:
         found = self.view["warning"]
-        return None if found is None else FaultReading(self._model, found["number"])
+        return None if found is None else self._fault(found)
 
     @property
     def stw1(self) -> Word:
@@ -316,6 +316,9 @@ class RemoteDrive:
     async def power_cycle(self) -> None:
         """Off and on."""
         self.view = await self._farm.ask(self._farm.client.post, "drives", self.name, "power-cycle")
+
+    def _fault(self, found: Mapping[str, Any]) -> FaultReading:
+        return FaultReading(self._model, found["number"], found["name"])
 
     def _word(self, name: str, slot: int, usual: tuple[str, ...]) -> Word:
         names = self._model.profidrive.bit_names(name, self.view["telegram"]) or usual

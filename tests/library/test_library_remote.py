@@ -10,6 +10,7 @@ import pytest
 
 import pnfarm
 from pnfarm.errors import ConfigError, EnvironmentError_
+from pnfarm.library import RemoteDrive
 
 
 class Client:
@@ -95,6 +96,16 @@ def test_a_fault_that_a_hub_could_clear_in_part_only_is_an_error_and_others_are_
         asyncio.run(main())
     assert client.cleared == ["half", "whole"]
     assert not client.is_open
+
+
+def test_a_fault_that_the_farm_file_names_has_its_name_elsewhere_too() -> None:
+    own = {"number": 4711, "name": "Door open"}
+    view = {"name": "a", "model": "profidrive", "faults": [own], "last_fault": own, "warning": None}
+    drive = RemoteDrive(pnfarm.Farm.connect("http://127.0.0.1:1"), view)
+    for fault in (drive.active_fault, drive.last_fault):
+        assert fault == 4711
+        assert fault == "Door open"
+        assert repr(fault) == "4711 (Door open)"
 
 
 class SlowClient:

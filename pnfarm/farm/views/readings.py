@@ -27,20 +27,23 @@ __all__ = ["DriveReadings", "FaultReading"]
 class FaultReading:
     """A fault of a drive; equals its number (702, ``"32-1"``), code (``"AL.FB1"``), name and cause in the model.
 
-    ``number`` as the manual writes it (an int, or ``"32-1"``), ``name`` the manual's.
+    ``number`` as the manual writes it (an int, or ``"32-1"``), ``name`` the manual's, or that of a farm elsewhere,
+    whose file may name faults of its own.
     """
 
-    def __init__(self, model: Model, code: int) -> None:
+    def __init__(self, model: Model, code: int, name: str | None = None) -> None:
         known = model.faults.get(code)
         self._model = model
         label = fault_label(code)
         self.number: int | str = int(label) if label.isdecimal() else label
-        self.name = known.name if known is not None else ""
+        self.name = name if name is not None else known.name if known is not None else ""
 
     def __eq__(self, other: object) -> bool:
         if isinstance(other, FaultReading):
             return self.number == other.number
         if isinstance(other, str):
+            if other and other == self.name:
+                return True
             try:
                 return FaultReading(self._model, self._model.fault(other).number) == self
             except ConfigError:
