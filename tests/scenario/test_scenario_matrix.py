@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -107,6 +109,14 @@ def test_a_running_farm_refuses_a_matrix_and_says_what_to_write(tmp_path, capsys
     assert "repeat" in capsys.readouterr().err
     with pytest.raises(ConfigError, match="repeat"):
         bind_scenario(parse_scenario(path.read_text()), {}, Catalogue([]))
+
+
+def test_a_signal_while_the_first_run_starts_ends_the_program_at_once(tmp_path, monkeypatch) -> None:
+    from pnfarm.cli.commands import run as command
+
+    monkeypatch.setattr(command, "_local", lambda *_, **__: os.kill(os.getpid(), signal.SIGTERM) or ({}, None))
+    path = write(tmp_path, HEAD + MATRIX + "variables: {sum: 2ms}" + STEPS)
+    assert main(["run", str(path), "--virtual"]) == 130
 
 
 def test_runs_behind_an_interruption_are_not_run(tmp_path, capsys, monkeypatch) -> None:

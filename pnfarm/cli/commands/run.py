@@ -213,7 +213,8 @@ def _every(
         pcap.write_bytes(b"")
     for binding, config in checked:
         farm = config.farm or "farm"
-        if failure is not None or signals.why():
+        # before the first one a signal ends the program: its start may take long
+        if failure is not None or (records and signals.why()):
             why = signals.why() or f"an earlier run failed: {failure}"
             records.append(not_begun(binding, farm, why, broken=failure is not None))
             continue
