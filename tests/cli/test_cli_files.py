@@ -12,7 +12,7 @@ from farm_flags import overridden
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
 from pnfarm.farm.doctor.machine import Finding
-from pnfarm.farm.file.reading import FarmFileError
+from pnfarm.farm.file.reading import FarmFileError, load_farm
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
@@ -181,6 +181,18 @@ def test_another_address_or_token_keeps_the_tokens_file():
     assert (config.api.listen, config.api.token_file) == (("0.0.0.0", 9000), "key")
     config = overridden(text, {"token": "another-secret"})
     assert (config.api.token, config.api.token_file) == ("another-secret", "key")
+
+
+def test_a_state_of_the_command_line_is_where_the_user_is_and_one_of_the_file_beside_it(write, monkeypatch, tmp_path):
+    file = write(FARM + "state: memory\n")
+    here = tmp_path / "elsewhere"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    text = file.read_text("utf-8")
+    assert overridden(text, {"state": "memory"}).state_directory == here / "memory"
+    assert load_farm(file).state_directory == file.parent / "memory"
+    database = "postgresql://user@db/farm"
+    assert overridden(text, {"state": database}).state_database == database
 
 
 @pytest.mark.parametrize(
