@@ -6,7 +6,7 @@ that becomes a line of its own.  The words for families are those of a capture's
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -16,7 +16,7 @@ from pnfarm.captures.packet import SAME_NS, Capture, Description, Packet
 from pnfarm.captures.stations import Bounded
 from pnfarm.errors import DecodeError
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_SERVICE_VLAN, ETHERTYPE_VLAN
-from pnfarm.wire.ipv4 import PROTOCOL_ICMP
+from pnfarm.wire.ipv4 import PROTOCOL_ICMP, emit_ipv4, parse_ipv4
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["Decoder", "FrameDecoder", "Line", "LineDecoder", "PlannedDrive", "family_of"]
 
 #: Families of frames without a bus -> the function that describes them.
-_NEUTRAL: Mapping[str, Callable[[Packet, Capture], Iterator[Description]]] = MappingProxyType(
+_NEUTRAL: Mapping[str, Callable[[Packet], Iterator[Description]]] = MappingProxyType(
     {"arp": arp, "icmp": icmp, "other": other}
 )
 _HEADER, _TAG = 14, 4
@@ -188,12 +188,21 @@ class Decoder:
         return lines
 
     def _described(self, packet: Packet) -> tuple[str, Iterator[Description]]:
-        """The family of a frame, and its descriptions."""
+        """The family of a frame, and its descriptions; fragments of an IP packet are described as the whole one."""
+        payload = packet.payload
+        if packet.ethertype == ETHERTYPE_IPV4 and len(payload) >= _IPV4_HEADER and (payload[6] & 0x3F or payload[7]):
+            try:
+                whole = self.capture.joined(parse_ipv4(payload), packet.time_ns)
+            except DecodeError:
+                return "other", other(packet)
+            if whole is None:
+                return "other", iter(())
+            packet = replace(packet, payload=emit_ipv4(whole))
         for bus in self.buses.values():
             if (family := bus.family_of(packet)) is not None:
                 return family, bus.describe(family, packet)
         family = family_of(packet)
-        return family, _NEUTRAL[family](packet, self.capture)
+        return family, _NEUTRAL[family](packet)
 
     def summary(self) -> list[dict[str, Any]]:
         """The conversation of each pair of stations, plain JSON values, the longest first."""

@@ -24,6 +24,7 @@ from cip_tape import (
     forward_open,
     known,
 )
+from edited_capture import in_fragments
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -525,6 +526,24 @@ def test_another_device_whose_layout_nobody_knows_is_shown_raw():
     first, second = behind(tape.lines(), "cyclic: cyclic data begin")
     assert first.startswith("connection 0x00110001, assembly 2, 68 octets, RPI 10 ms; 00 01 02")
     assert second == "connection 0x00000099, 00 01 02 03; layout unknown, no Forward_Open in the capture"
+
+
+def test_data_longer_than_a_frame_come_in_fragments():
+    tape = Tape()
+    connect(tape, forward_open(large=True, t_to_o=fo.NetworkParameters(2002)))
+    for number in (1, 2):
+        tape.io(1, IDS[1], number, bytes(2000))
+    decoder = make_decoder()
+    frames = [
+        CapturedFrame(number, time_ns, frame)
+        for number, (frame, time_ns) in enumerate(zip(tape.frames, tape.times, strict=True))
+    ]
+    lines = [line for frame in frames for part in in_fragments(frame, 1480) for line in decoder.feed(part)]
+    assert behind(described(decoder, lines), "cyclic: cyclic data begin")[0].startswith(
+        "connection 0x00220002, assembly 102, 2000 octets, RPI 10 ms; 00 00"
+    )
+    (figures,) = decoder.summary()[0]["cyclic"]
+    assert figures["frames"] == 2
 
 
 def test_data_of_another_length_than_agreed_are_told():

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.ethernetip.decode.assemblies import changes, values
 from pnfarm.buses.ethernetip.decode.channels import Channel
 from pnfarm.buses.ethernetip.decode.names import octets_text
-from pnfarm.captures.neutral import ip_packet
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.enip.wire.class1 import Class1Pdu, parse_class1
+from pnfarm.wire.ipv4 import parse_ipv4
 from pnfarm.wire.octets import Reader
 from pnfarm.wire.udp import parse_udp
 
@@ -33,9 +33,7 @@ _HALF_COUNT, _COUNT = 1 << 15, (1 << 16) - 1
 
 def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     """One datagram; most give no line.  Raises :class:`DecodeError` where it is not one of such a connection."""
-    ip = ip_packet(packet, shared.capture)
-    if ip is None:
-        return
+    ip = parse_ipv4(packet.payload)
     pdu = parse_class1(parse_udp(ip.payload).data)
     channel = _channel(packet, ip, pdu, shared)
     template = channel.template

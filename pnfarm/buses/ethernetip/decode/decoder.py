@@ -32,7 +32,6 @@ FAMILIES: Mapping[str, Callable[[Packet, Shared], Iterator[Description]]] = Mapp
     {"cyclic": cyclic, "enip": encapsulated, "cip": encapsulated}
 )
 _IPV4_HEADER, _IPV4_PROTOCOL, _UDP_HEADER, _TCP_OFFSET = 20, 9, 8, 12
-_FRAGMENT: Final = 0x1FFF
 #: Commands that carry CIP.
 _CARRIERS: Final = frozenset(
     command.to_bytes(2, "little") for command in (Command.SEND_RR_DATA, Command.SEND_UNIT_DATA)
@@ -44,7 +43,7 @@ def family_of(ethertype: int, payload: bytes) -> str | None:
     if ethertype != ETHERTYPE_IPV4 or len(payload) < _IPV4_HEADER:
         return None
     protocol = payload[_IPV4_PROTOCOL]
-    if protocol not in {PROTOCOL_TCP, PROTOCOL_UDP} or (payload[6] << 8 | payload[7]) & _FRAGMENT:
+    if protocol not in {PROTOCOL_TCP, PROTOCOL_UDP}:
         return None
     at = (payload[0] & 0x0F) * 4
     ports = {int.from_bytes(payload[place : place + 2], "big") for place in (at, at + 2)}

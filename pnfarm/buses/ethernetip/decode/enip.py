@@ -9,7 +9,6 @@ from pnfarm.buses.ethernetip.decode.cip import message
 from pnfarm.buses.ethernetip.decode.identity import learn_identity
 from pnfarm.buses.ethernetip.decode.names import octets_text
 from pnfarm.buses.ethernetip.decode.shared import Route
-from pnfarm.captures.neutral import describe_udp, ip_packet
 from pnfarm.captures.packet import Description
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.wire.cpf import CommonPacket, ConnectedAddress, ConnectedData, UnconnectedData, parse_items
@@ -23,7 +22,7 @@ from pnfarm.protocols.enip.wire.encapsulation import (
     parse_encapsulation,
 )
 from pnfarm.protocols.enip.wire.identity import IdentityItem, ServiceItem
-from pnfarm.wire.ipv4 import PROTOCOL_UDP
+from pnfarm.wire.ipv4 import PROTOCOL_UDP, parse_ipv4
 from pnfarm.wire.octets import Reader
 from pnfarm.wire.tcp import PROTOCOL_TCP, parse_tcp
 from pnfarm.wire.udp import parse_udp
@@ -58,15 +57,10 @@ _MOST: Final = 8
 
 def encapsulated(packet: Packet, shared: Shared) -> Iterator[Description]:
     """One frame from or to port 44818; raises :class:`DecodeError`."""
-    ip = ip_packet(packet, shared.capture)
-    if ip is None:
-        return
+    ip = parse_ipv4(packet.payload)
     if ip.protocol == PROTOCOL_UDP:
         datagram = parse_udp(ip.payload)
         ports = (datagram.source_port, datagram.destination_port)
-        if ENIP_PORT not in ports:
-            yield replace(describe_udp(datagram), family="other")
-            return
         pdu = parse_encapsulation(datagram.data)
         yield from _pdu(pdu, _route(packet, ip, ports, asks=pdu.command in _LISTS and not pdu.data), shared)
     elif ip.protocol == PROTOCOL_TCP:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.profinet.decode.connect import connect_request, connect_response, forget_asked
 from pnfarm.buses.profinet.decode.records import index_text, is_parameter_access
 from pnfarm.buses.profinet.decode.shared import Call
-from pnfarm.captures.neutral import describe_udp, ip_packet
 from pnfarm.captures.packet import Description
 from pnfarm.captures.parameter_access import parameter_request, parameter_response
 from pnfarm.protocols.profinet.errors import ErrorDecode, describe_status
@@ -45,7 +44,7 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
     parse_status,
     status_name,
 )
-from pnfarm.wire.ipv4 import PROTOCOL_UDP
+from pnfarm.wire.ipv4 import parse_ipv4
 from pnfarm.wire.udp import parse_udp
 
 if TYPE_CHECKING:
@@ -103,18 +102,8 @@ def is_call(source_port: int, destination_port: int, data: bytes) -> bool:
 
 def rpc(packet: Packet, shared: Shared) -> Iterator[Description]:
     """One UDP datagram; raises :class:`DecodeError` if it is not a call."""
-    ip = ip_packet(packet, shared.capture)
-    if ip is None:
-        return
-    if ip.protocol != PROTOCOL_UDP:
-        yield Description("IP", f"protocol {ip.protocol}")
-        return
-    datagram = parse_udp(ip.payload)
-    if not is_call(datagram.source_port, datagram.destination_port, datagram.data):
-        # fragments: only the whole datagram can be classified
-        yield replace(describe_udp(datagram), family="other")
-        return
-    pdu = parse_rpc(datagram.data)
+    ip = parse_ipv4(packet.payload)
+    pdu = parse_rpc(parse_udp(ip.payload).data)
     if pdu.interface == UUID_EPM:
         direction = _DIRECTIONS.get(pdu.kind, "")
         yield Description(f"Lookup.{direction}" if direction else "Lookup", "of the endpoint mapper")

@@ -62,8 +62,8 @@ FAMILIES: Mapping[str, Callable[[Packet, Shared], Iterator[Description]]] = Mapp
     }
 )
 _SNMP_PORTS = frozenset({161, 162})
-#: Mask of an IP packet's fragment offset, and flag of more fragments; octets of a datagram's header.
-_OFFSET, _MORE, _UDP_HEAD = 0x1FFF, 0x2000, 8
+#: Octets of a datagram's header.
+_UDP_HEAD = 8
 
 
 def family_of(ethertype: int, payload: bytes) -> str | None:
@@ -80,14 +80,11 @@ def family_of(ethertype: int, payload: bytes) -> str | None:
             return "dcp"
         return "alarm" if frame_id in {ALARM_HIGH, ALARM_LOW} else "other"
     if ethertype == ETHERTYPE_IPV4 and len(payload) >= 20 and payload[9] == PROTOCOL_UDP:
-        fragment = payload[6] << 8 | payload[7]
-        if fragment & _OFFSET:
-            return "rpc"  # only calls are longer than a frame; if this is not one, the whole datagram shows it
         at = (payload[0] & 0x0F) * 4
         source, destination = (int.from_bytes(payload[place : place + 2], "big") for place in (at, at + 2))
         if {source, destination} & _SNMP_PORTS:
             return "snmp"
-        return "rpc" if fragment & _MORE or is_call(source, destination, payload[at + _UDP_HEAD :]) else None
+        return "rpc" if is_call(source, destination, payload[at + _UDP_HEAD :]) else None
     return "lldp" if ethertype == ETHERTYPE_LLDP else None
 
 

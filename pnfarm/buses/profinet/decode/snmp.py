@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.captures.neutral import ip_packet
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.wire.snmp.message import GET, GET_BULK, GET_NEXT, RESPONSE, SET, Pdu, parse_snmp
+from pnfarm.wire.ipv4 import parse_ipv4
 from pnfarm.wire.udp import parse_udp
 
 if TYPE_CHECKING:
@@ -20,12 +20,9 @@ __all__ = ["snmp"]
 _SNMP_TEXTS = {GET: "Get", GET_NEXT: "GetNext", GET_BULK: "GetBulk", SET: "Set", RESPONSE: "Response"}
 
 
-def snmp(packet: Packet, shared: Shared) -> Iterator[Description]:
+def snmp(packet: Packet, _: Shared) -> Iterator[Description]:
     """An SNMP message."""
-    ip = ip_packet(packet, shared.capture)
-    if ip is None:
-        return
-    message = parse_snmp(parse_udp(ip.payload).data)
+    message = parse_snmp(parse_udp(parse_ipv4(packet.payload).payload).data)
     version = "v2c" if message.version else "v1"
     if not isinstance(message.pdu, Pdu):
         yield Description(f"SNMP {version}", f"message of type 0x{message.pdu.tag:02X}")
