@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from pnfarm.captures.decoder import Decoder, Line
 
 __all__ = [
-    "ACK", "FIN", "IDS", "MACS", "MANAGER", "RST", "SYN", "Tape", "command", "connect", "described", "everything",
-    "forward_open", "known",
+    "ACK", "FIN", "IDS", "MACS", "MANAGER", "RST", "SYN", "Tape", "behind", "command", "connect", "described",
+    "everything", "forward_open", "known",
 ]  # fmt: skip
 
 AKD = ElectronicKey(452, 16, 1, 1, 13)
@@ -53,6 +53,11 @@ def described(decoder: Decoder, lines: list[Line]) -> list[str]:
     """Family, and what is said."""
     del decoder
     return [f"{x.family}: {x.description.what} {x.description.text}".rstrip() for x in lines]
+
+
+def behind(lines: list[str], beginning: str) -> list[str]:
+    """What lines of this beginning say behind it."""
+    return [line.removeprefix(beginning).strip() for line in lines if line.startswith(beginning)]
 
 
 class Tape:
