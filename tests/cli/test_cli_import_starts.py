@@ -175,7 +175,9 @@ def test_fragments_that_overlap_are_not_believed(imported, frames):
 def test_a_call_that_lacks_a_fragment_is_reported_with_its_station():
     plant = SeenPlant()
     plant.connect()
-    plant.decoder.shared.calls[UUID(int=1), 1] = Call("Write", Opnum.WRITE, PLC, DEVICE, parts={True: Reassembly(100)})
+    plant.decoder.shared.calls[UUID(int=1), 1] = Call(
+        "Write", Opnum.WRITE, PLC, DEVICE, 0, parts={True: Reassembly(100)}
+    )
     (one,) = plant.found()
     assert "1 calls to it lack fragments: what they asked for or wrote is not known" in one.facts
 
@@ -317,7 +319,7 @@ def test_a_record_is_a_parameter_unless_the_device_refused_the_record_itself(why
     header = IodWriteReqHeader(1, UUID(int=1), 0, 1, 1, 100, 1)
     activity = UUID(int=5)
     plant.decoder.shared.calls[activity, 2] = Call(
-        "Write", Opnum.WRITE, PLC, DEVICE, write=WriteRequest(header, (RecordWrite(header, b"\1"),))
+        "Write", Opnum.WRITE, PLC, DEVICE, 0, write=WriteRequest(header, (RecordWrite(header, b"\1"),))
     )
     body = emit_response_args(ResponseArgs(PnioStatus.from_int(status), b"", 0), little_endian=True)
     answer = RpcPdu(PacketType.RESPONSE, UUID_PNIO_DEVICE, activity, sequence=2, opnum=Opnum.WRITE, body=body)
