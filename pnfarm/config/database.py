@@ -22,4 +22,7 @@ def redacted(url: str) -> str:
         user = (parts.username or "") if "@" in parts.netloc else ""
     except ValueError:
         return "postgresql://..."
+    if url.count("@") > parts.netloc.count("@"):
+        # a password with a / or # in it ends the host: what is in front of that is no host
+        return "postgresql://..."
     return f"postgresql://{user}{'@' if user else ''}{hosts}{parts.path}"

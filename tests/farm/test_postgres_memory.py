@@ -200,6 +200,9 @@ def test_a_database_that_is_away_at_the_start_is_waited_for_a_bounded_time(fresh
         ("postgresql:///d?host=/tmp&user=x", "postgresql:///d"),
         ("postgresql://u:p%@[::1/d", "postgresql://..."),
         ("postgresql://u:p@q@h1,h2:2/d", "postgresql://u@h1,h2:2/d"),
+        ("postgresql://u:se/cret@h/d", "postgresql://..."),
+        ("postgresql://u:se#cret@h/d", "postgresql://..."),
+        ("postgresql://u:a@b/secret@h/d", "postgresql://..."),
     ],
 )
 def test_a_url_is_shown_without_its_password(url, shown):
