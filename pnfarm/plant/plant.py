@@ -167,6 +167,8 @@ def _fitting(signal: Signal, value: float) -> Value:
     """A number as a signal has it: what is beyond its type is at the limit, as an analogue input's."""
     if signal.type.kind == "bool":
         return value != 0.0
-    low, high = sorted(limit * signal.scale for limit in signal.type.limits)
+    limits = signal.type.limits
+    # a limit of 64 bits that is multiplied is none of its type
+    low, high = limits if signal.scale == 1 else sorted(limit * signal.scale for limit in limits)
     value = min(max(value, low), high)
     return round(value) if signal.scale == 1 and signal.type.kind != "float" else value

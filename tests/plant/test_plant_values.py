@@ -79,6 +79,19 @@ def test_a_scaled_input_of_64_bits_stays_at_its_limit():
             assert line.device("island").signals["travel"] == pytest.approx(math.copysign(2.0**63 / 1000, value))
 
 
+@pytest.mark.parametrize(
+    ("kind", "least", "most"),
+    [("int64", -(2**63), 2**63 - 1), ("uint64", 0, 2**64 - 1), ("int56", -(2**55), 2**55 - 1), ("uint8", 0, 255)],
+)
+def test_an_input_of_whole_numbers_stays_at_its_limit(kind: str, least: int, most: int):
+    text = CELL.replace("type: int64, unit: mm, scale: 0.001", f"type: {kind}")
+    with Line.from_text(text.replace("WIRES", "press.value -> island.travel")) as line:
+        for value, limit in ((1e300, most), (-1e300, least), (2.0**64, most)):
+            line.plant.press.input = value
+            line.run(0.02)
+            assert line.device("island").signals["travel"] == limit
+
+
 @pytest.mark.parametrize("taken", ["load_friction", "load_inertia"])
 def test_a_load_of_less_than_nothing_is_none(taken: str):
     unit = " * 1 Nm" if taken == "load_friction" else ""
