@@ -99,7 +99,8 @@ class InputLayers:
             signal.write(memoryview(octets)[self._place(signal) :], value)
         for signal, shape in self.shapes:
             data = memoryview(octets)[self._place(signal) :]
-            signal.write(data, shape(signal.read(data)))
+            if (made := shape(value := signal.read(data))) != value:
+                signal.write(data, made)
         return bytes(octets)
 
     def owner(self, signal: Signal) -> Owner:

@@ -76,7 +76,8 @@ class ValueType:
             case "octets":
                 return bytes(octets)
             case "text":
-                return bytes(octets).rstrip(b"\0").decode(errors="replace")
+                # an octet of no character is one of another, so that what is read can be written
+                return bytes(octets).rstrip(b"\0").decode(errors="replace").replace("\ufffd", "?")
 
     def encode(self, value: Value, order: ByteOrder = "big") -> bytes:
         """Its octets; :class:`Problem` for a value that the type does not hold."""

@@ -119,3 +119,14 @@ def test_the_strongest_of_fault_force_and_value_has_an_input_and_the_others_wait
     seen.add(signals.revision)
     signals.force({"part_present": False})
     assert signals.revision not in seen, "another owner is news"
+
+
+def test_a_fault_that_changes_nothing_leaves_each_octet_as_it_is():
+    more = {"label": {"at": "3.1.2", "type": "text[4]"}}
+    signals = island(more=more)
+    signals.set({"code": "61 ff fe ff"})
+    label = signals.signal("label")
+    signals.put_shape(label, lambda value: value)
+    assert (signals.get("code"), signals.get("label")) == (b"a\xff\xfe\xff", "a???")
+    signals.put_shape(label, lambda _: "b")
+    assert signals.get("code") == b"b\0\0\0"
