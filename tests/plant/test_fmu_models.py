@@ -238,6 +238,12 @@ def test_a_saved_state_continues_in_another_farm_and_what_is_none_is_refused(mak
     assert seen[0] == seen[1] == [2.7, 30, pytest.approx(0.06)]
 
 
+def test_an_fmu_hears_in_each_step_that_a_state_of_before_may_be_put_back(make, bench):
+    plant = make(bench)
+    plant.run(0.009)
+    assert (plant.events, plant["press.count"]) == ([], 4)
+
+
 def test_an_fmu_that_refuses_a_state_goes_on_with_its_own(make, bench):
     plant = make(bench)
     plant.run(0.009)

@@ -73,7 +73,8 @@ class LoadedFmu:
         self._put()
         asks_for_end = False
         try:
-            how = self._fmu.doStep(self._memory[TIME], self._memory[STEP_SECONDS])
+            # the last: whether no state of before is put back any more
+            how = self._fmu.doStep(self._memory[TIME], self._memory[STEP_SECONDS], False)
             if how is not None:
                 _, asks_for_end, is_early, _ = how
                 if is_early and not asks_for_end:

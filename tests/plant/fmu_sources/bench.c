@@ -88,6 +88,7 @@ Status fmi2DoStep(Component c, double time, double step, int final) {
         case REFUSE: callbacks.logger(NULL, "bench", ERROR, "logStatusError", "the press is %s", "jammed"); return ERROR;
         case EXIT: _exit(3);
     }
+    if (final) { callbacks.logger(NULL, "bench", ERROR, "logStatusError", "no state can be put back"); return ERROR; }
     if (fabs(time - state.seconds) > 1e-9) return ERROR;
     state.seconds = time + step;
     state.count++;
