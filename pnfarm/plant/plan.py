@@ -287,6 +287,8 @@ class _Planner:
             hint = did_you_mean(key, found.parameters)
             what = f"{found.name} has no such parameter{hint}"
             self._report((*at, key), what, ", ".join(found.parameters) or "no further keys")
+        if not unknown and (lack := found.lack(model.parameters)):
+            self._report(at, f"{found.name}: {lack}", "a key for each argument of its __init__ without a default")
         return self._of_ports(model.name, found, step, model.parameters)
 
     # -- wires

@@ -23,6 +23,7 @@ from pnfarm.user_code.file import line_of, own_classes, run_file
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
 __all__ = ["ModelClass", "PlantFileError", "load_model"]
@@ -56,6 +57,18 @@ class ModelClass:
     @property
     def kind_name(self) -> str:
         return "python"
+
+    def lack(self, given: Mapping[str, Any]) -> str:
+        """Why its ``__init__`` does not take these parameters, empty if it does."""
+        try:
+            needed = inspect.signature(self.kind)
+        except (TypeError, ValueError):
+            return ""
+        try:
+            needed.bind(**given)
+        except TypeError as error:
+            return str(error)
+        return ""
 
 
 def load_model(path: Path, class_name: str | None) -> ModelClass:

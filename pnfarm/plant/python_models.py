@@ -12,6 +12,8 @@ import threading
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from pnfarm.errors import ConfigError
 from pnfarm.plant.events import PlantModelFailed, PlantModelLate
 from pnfarm.plant.python_file import ModelClass
@@ -24,6 +26,7 @@ from pnfarm.vocabulary.quoting import shortened
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+    from pnfarm.behaviours.declaration import Port
     from pnfarm.plant.plan import PlannedModel
     from pnfarm.station.event import Event
     from pnfarm.user_code.thread import Work
@@ -53,12 +56,12 @@ class _Model:
         self._values: Any = memoryview(values)
         self._numbers = [(port.name, at) for port, at in planned.inputs.values() if port.form != "bit"]
         self._bits = [(port.name, at) for port, at in planned.inputs.values() if port.form == "bit"]
-        self._outputs = [(port.name, at) for port, at in planned.outputs.values()]
+        self._outputs = [(port, at) for port, at in planned.outputs.values()]
         try:
             for port, at in planned.outputs.values():
                 if not hasattr(self.model, port.name):
                     setattr(self.model, port.name, False if port.form == "bit" else 0.0)
-                self._values[at] = _number(port.name, getattr(self.model, port.name))
+                self._values[at] = _number(port, getattr(self.model, port.name))
         except Exception as exc:
             raise ConfigError(f"plant model {planned.name} cannot be made: {self.file}: {error_text(exc)}") from exc
         self.due_ns = 0
@@ -77,16 +80,16 @@ class _Model:
         for name, at in self._bits:
             setattr(model, name, values[at] != 0.0)
         model.step(seconds)
-        found = [(at, _number(name, getattr(model, name))) for name, at in self._outputs]
+        found = [(at, _number(port, getattr(model, port.name))) for port, at in self._outputs]
         for at, value in found:
             values[at] = value
 
 
-def _number(name: str, value: Any) -> float:
-    """What a model made of an output, as a finite number; raises ValueError."""
-    if isinstance(value, (int, float)) and math.isfinite(value):
-        return float(value)
-    raise ValueError(f"{name} is {value!r}, not a finite number")
+def _number(port: Port, value: Any) -> float:
+    """What a model made of an output, as a finite number, of a bit as 0 or 1; raises ValueError."""
+    if isinstance(value, (int, float, np.number, np.bool_)) and math.isfinite(value):
+        return float(value) if port.form != "bit" else 1.0 if value else 0.0
+    raise ValueError(f"{port.name} is {value!r}, not a finite number")
 
 
 class PythonModels:

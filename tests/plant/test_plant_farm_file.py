@@ -207,6 +207,7 @@ def test_a_light_barrier_in_python_takes_ten_lines(tmp_path: Path):
         ("class A:\n    def step(self, dt): pass\n", "A has no ports"),
         (MODEL.replace('"position": "mm"', '"on": bool'), "has 'on' as input and output"),
         ("1 / 0\n", "barrier.py:1: ZeroDivisionError"),
+        (MODEL + "    def __init__(self, mass): pass\n", "models[0]: Barrier: missing a required argument: 'mass'"),
     ],
 )
 def test_what_is_wrong_with_a_model_in_python_is_told_with_its_line(tmp_path: Path, source: str, what: str):
@@ -237,6 +238,28 @@ def test_a_model_that_gives_what_is_no_number_fails_with_a_sentence(tmp_path: Pa
         line.run(0.1)
         (failed,) = line.events("plant model failed")
         assert "on is nan, not a finite number" in str(failed.data["error"])
+
+
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [("numpy.int64(3)", (True, 3)), ("numpy.float32(0.5)", (True, 0.5)), ("numpy.bool_(False)", (False, 0)),
+     ("2", (True, 2)), ("-0.0", (False, 0))],
+)  # fmt: skip
+def test_numbers_of_numpy_are_numbers_and_a_bit_is_0_or_1(tmp_path: Path, given: str, found: tuple[bool, float]):
+    source = f"""
+import numpy
+
+class Barrier:
+    inputs = {{"position": "mm"}}
+    outputs = {{"on": bool, "number": float}}
+
+    def step(self, dt):
+        self.on = self.number = {given}
+"""
+    with Line.from_file(_with_file(tmp_path, source)) as line:
+        line.run(0.02)
+        assert (line.plant.b.on, line.plant.b.number) == found
+        assert line.core.plant.table.values[1] == found[0]
 
 
 @pytest.mark.parametrize(
