@@ -36,21 +36,20 @@ class Reader:
         for origin, number in self._known.items():
             if origin in self._position or len(self._position) < MOST_ORIGINS:
                 self._position[origin] = max(number, self._position.get(origin, 0))
-        #: Whether entries come that were there before the client asked: what is lost of these, :meth:`first` says.
-        self._replays = position is not None
-        self._newest = log.newest
 
     def first(self) -> str:
         lost = self._log.lost(self._known)
         return gap(lost) if lost else ""
 
     def text(self, entries: Sequence[HubEntry], lost: int) -> str:
-        text = gap(lost) if lost > 0 and not self._replays else ""
+        # how many entries lie between says nothing: the client may have some of them
+        del lost
+        text = ""
         for entry in entries:
             if entry.number <= self._known.get(entry.origin, 0):
                 continue
-            if entry.lost and not self._replays:
-                text += gap(entry.lost)
+            if (missed := entry.number - 1 - self._position.get(entry.origin, entry.number)) > 0:
+                text += gap(missed)
             if entry.origin not in self._position and len(self._position) >= MOST_ORIGINS:
                 there = [(one, number) for one, number in self._position.items() if self._log.taken(one)]
                 self._position = dict(there[-(MOST_ORIGINS - 1) :])
@@ -58,8 +57,6 @@ class Reader:
             if self._drive is None or entry.drive == self._drive:
                 data = json.dumps(entry.as_dict(), default=str)
                 text += f"id: {format_position(self._position)}\ndata: {data}\n\n"
-        if entries[-1].sequence >= self._newest:
-            self._replays = False
         return text
 
 

@@ -37,8 +37,6 @@ class HubEntry:
     number: int
     at_ns: int
     data: Mapping[str, Any]
-    #: Entries of the same origin before it that the shard had lost already.
-    lost: int = 0
 
     @property
     def drive(self) -> str:
@@ -54,7 +52,7 @@ class MergedLog:
 
     def __init__(self) -> None:
         self._kept: deque[HubEntry] = deque()
-        self._waiting: list[tuple[int, int, str, int, int, Mapping[str, Any], int]] = []
+        self._waiting: list[tuple[int, int, str, int, int, Mapping[str, Any]]] = []
         #: The time behind which the next entry of each origin comes.
         self._behind: dict[str, int] = {}
         self._order = count()
@@ -76,13 +74,12 @@ class MergedLog:
         if number <= self._taken.get(origin, 0):
             return
         known = self._taken.get(origin)
-        lost = 0 if known is None else number - known - 1
-        if lost or (known is None and number > 1):
+        if number > 1 + (known or 0):
             # the shard itself does not hold them any more
             self._dropped[origin] = number - 1
         self._taken[origin] = number
         behind = self._behind[origin] = max(at_ns, self._behind.get(origin, at_ns))
-        heapq.heappush(self._waiting, (behind, next(self._order), origin, number, at_ns, data, lost))
+        heapq.heappush(self._waiting, (behind, next(self._order), origin, number, at_ns, data))
 
     def forget_but(self, live: Collection[str]) -> None:
         """Forget what is known of runs that are over, once none of their entries is kept."""
@@ -97,9 +94,9 @@ class MergedLog:
     def release(self, now: int) -> None:
         """Give out what has waited long enough."""
         while self._waiting and (self._waiting[0][0] + HOLD_NS <= now or len(self._waiting) > MOST_WAITING):
-            _, _, origin, number, at_ns, data, lost = heapq.heappop(self._waiting)
+            _, _, origin, number, at_ns, data = heapq.heappop(self._waiting)
             self._sequence += 1
-            entry = HubEntry(self._sequence, origin, number, at_ns, data, lost)
+            entry = HubEntry(self._sequence, origin, number, at_ns, data)
             self._kept.append(entry)
             while len(self._kept) > KEPT:
                 old = self._kept.popleft()

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.api.events import format_position, parse_position
+from pnfarm.api.events import format_position, gap, parse_position
 from pnfarm.errors import ConfigError
 from pnfarm.hub.clocks import ClockOffset
 from pnfarm.hub.events import MOST_ORIGINS, Reader
@@ -210,9 +210,32 @@ def test_a_position_goes_over_a_restart_and_tells_what_is_lost():
     other.release(10**12)
     assert other.lost(position) == 2
     assert log.lost(position) == 0
+    reader = Reader(other, format_position({"a" * 8: 6}), None)
+    assert reader.first() == ""
+    # and, while a client goes on, two more
     other.take("a" * 8, 9, 9, entry())
     other.release(10**12)
-    assert [one.lost for one in other.entries()] == [0, 2]
+    assert other.lost({"a" * 8: 6}) == 2
+    assert reader.text(other.entries(), 0).startswith(gap(2))
+
+
+def test_a_client_that_resumes_is_told_once_what_a_hub_that_has_just_begun_no_longer_holds_when_it_reads(monkeypatch):
+    monkeypatch.setattr("pnfarm.hub.log.KEPT", 4)
+    log = MergedLog()
+    # the hub has not heard of the shard yet
+    reader = Reader(log, format_position({"a" * 8: 5}), None)
+    said = reader.first()
+    for number in range(1, 21):
+        log.take("a" * 8, number, number, entry(event=f"a{number}"))
+    log.release(10**12)
+    entries = log.entries(after=reader.after, most=2)
+    said += reader.text(entries, entries[0].sequence - 1)
+    said += reader.text(log.entries(after=entries[-1].sequence), 0)
+    assert said.startswith(gap(11))
+    assert said.count("gap") == 1
+    assert [json.loads(line[6:])["event"] for line in said.splitlines() if line.startswith('data: {"drive')] == [
+        "a17", "a18", "a19", "a20",
+    ]  # fmt: skip
 
 
 def run_of(number):
