@@ -456,3 +456,30 @@ def test_the_filter_has_the_models_of_a_farm_that_was_started_again_with_others(
         await until(() => models().includes("hiwin-e1"));
         return true;
     """)
+
+
+def test_drives_that_are_no_longer_there_are_not_selected_and_get_no_fault():
+    told, bodies = played("""
+        const live = await import(page + "lib/live.js");
+        const {Overview} = await import(page + "views/overview.js");
+        const bodies = [];
+        answers["POST faults"] = body => { bodies.push(body.on); return {id: "f", kind: "f702", drives: {}}; };
+        live.look({});
+        const two = {...FARM, drives: 2};
+        say("farm", two);
+        say("overview", {seconds: 1, rows: {0: row("axis-01"), 1: row("axis-02")}});
+        const root = await shown(Overview);
+        const all = root.all("input").find(one => one.attributes["aria-label"] === "select all shown");
+        all.listeners.change.call(all, {type: "change", target: {checked: true}});
+        await until(() => root.textContent.includes("2 drives selected"));
+        say("farm", two);
+        say("overview", {seconds: 1, rows: {0: row("axis-01"), 1: row("axis-03")}});
+        await until(() => root.textContent.includes("axis-03"));
+        const text = /. drives? selected/.exec(root.textContent)[0];
+        const button = root.all("button").find(one => one.textContent === "f702");
+        button.listeners.click.call(button, {type: "click"});
+        await until(() => bodies.length);
+        return [text, bodies];
+    """)
+    assert told == "1 drive selected"
+    assert bodies == [["axis-01"]]

@@ -116,7 +116,8 @@ export function Overview() {
   const [width, setWidth] = useState(1200);
   const box = useRef(null);
   const change = more => { Object.assign(kept, more); setWanted({...kept}); };
-  const {selected} = wanted;
+  // of drives that a farm had before it was started again, none
+  const selected = new Set([...wanted.selected].filter(name => farm.byName.has(name)));
   const known = farm.drives.filter(drive => drive.known);
   const models = [["", "any model"], ...[...new Set(known.map(drive => drive.model))].sort().map(one => [one, one])];
   const buses = [["", "any bus"], ...[...new Set([...known, ...farm.devices].map(one => one.bus))].sort().map(one => [one, one])];
