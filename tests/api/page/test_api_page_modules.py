@@ -483,3 +483,22 @@ def test_drives_that_are_no_longer_there_are_not_selected_and_get_no_fault():
     """)
     assert told == "1 drive selected"
     assert bodies == [["axis-01"]]
+
+
+def test_a_scenario_s_file_that_was_changed_can_be_chosen_again():
+    assert played("""
+        const {Scenarios} = await import(page + "views/scenarios.js");
+        answers["GET scenarios"] = {scenarios: []};
+        const root = await shown(Scenarios, {id: ""});
+        const field = root.all("input").find(one => (one.attributes.type ?? one.type) === "file");
+        const text = () => root.all("textarea")[0].value ?? root.all("textarea")[0].attributes.value;
+        const found = [];
+        for (const written of ["first", "second"]) {
+            // a browser reports a choice only if the field's value changes
+            const target = {value: "C:\\\\fakepath\\\\s.yml", files: [{text: async () => written}]};
+            field.listeners.change.call(field, {type: "change", target});
+            await until(() => text() === written);
+            found.push(target.value);
+        }
+        return found;
+    """) == ["", ""]

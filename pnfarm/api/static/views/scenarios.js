@@ -63,7 +63,12 @@ export function Scenarios({id}) {
       setIssues(problem.message);
     }
   };
-  const load = async event => { const [file] = event.target.files; if (file) change(await file.text()); };
+  const load = async ({target}) => {
+    const [file] = target.files;
+    // the same file can be chosen again once it was changed
+    target.value = "";
+    if (file) change(await file.text());
+  };
   const all = list ? [...list.scenarios].reverse() : [];
   const shown = id || (all[0] && all[0].id);
   return html`<section aria-label="Scenarios">
