@@ -10,6 +10,9 @@ from pnfarm.buses.profinet.controller.search import duplicate_names
 from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.protocols.profinet.dcp.client import IdentifyAnswered, StationInfo
 from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
+from pnfarm.protocols.profinet.wire.dcp.blocks import NameBlock
+from pnfarm.protocols.profinet.wire.dcp.pdu import SERVICE_IDENTIFY, TYPE_SUCCESS, DcpPdu, emit_dcp, frame_id_of
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet
 
 
 @pytest.mark.parametrize("startup", ["legacy", "advanced"])
@@ -88,6 +91,20 @@ def test_a_name_that_two_drives_have_is_reported_with_both_and_the_first_is_run(
     assert line.plc.sessions[0].state is SessionState.DATA
     assert line.plc.sessions[0].mac == twins[0].port.mac
     assert line.plc.sessions[-1].measures.last_reason == "no station of this name answers"
+
+
+def test_stations_without_end_that_answer_to_one_name_do_not_fill_the_log():
+    line = VirtualLine()
+    line.run(0.001)
+    (xid,) = line.plc._search._asked
+    frame_id = frame_id_of(SERVICE_IDENTIFY, TYPE_SUCCESS)
+    answer = emit_dcp(DcpPdu(frame_id, SERVICE_IDENTIFY, TYPE_SUCCESS, xid, blocks=(NameBlock("axis-01"),)))
+    for number in range(200):
+        frame = EthernetFrame(line.plc.port.mac, b"\x06" + number.to_bytes(5, "big"), ETHERTYPE_PROFINET, answer)
+        line.plc.receive(line.plc.port.index, emit_ethernet(frame), line.world.now)
+    told = [entry for entry in line.plc_log.entries("axis-01") if entry.event == "name given twice"]
+    assert 2 <= len(told) < 10
+    assert max(len(entry.data["reason"]) for entry in told) < 300
 
 
 def test_names_given_twice_are_reported_in_order_and_unnamed_stations_do_not_count():

@@ -43,7 +43,7 @@ from pnfarm.protocols.profinet.wire.dcp.blocks import (
     ResponseBlock,
     StationTypeBlock,
 )
-from pnfarm.protocols.profinet.wire.dcp.pdu import DcpPdu, emit_dcp
+from pnfarm.protocols.profinet.wire.dcp.pdu import SERVICE_IDENTIFY, TYPE_SUCCESS, DcpPdu, emit_dcp, frame_id_of
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, parse_ethernet
 
 MS = 10**6
@@ -399,3 +399,18 @@ def test_any_frame_is_survived(data, low, service_id):
     head = bytes([0xFE, low, service_id, 1, 0, 0, 0, 1 + (service_id == 4), 0, 0, 0, len(data)])
     client.receive(EthernetFrame(PLC, b"\2" * 6, ETHERTYPE_PROFINET, head + data), 0)
     client.events()
+
+
+def test_an_identify_ends_although_ever_new_stations_answer():
+    client = DcpClient(PLC)
+    xid = client.identify(now=0, quiet_ns=COLLECT_MARGIN_NS)
+    frame_id = frame_id_of(SERVICE_IDENTIFY, TYPE_SUCCESS)
+    answer = emit_dcp(DcpPdu(frame_id, SERVICE_IDENTIFY, TYPE_SUCCESS, xid, blocks=(NameBlock("x"),)))
+    for number in range(600):
+        now = number * 100 * MS
+        client.receive(EthernetFrame(PLC, b"\x02" + number.to_bytes(5, "big"), ETHERTYPE_PROFINET, answer), now)
+        client.handle_timeout(now)
+    ended = [event for event in client.events() if isinstance(event, IdentifyFinished)]
+    assert len(ended) == 1
+    assert 90 < ended[0].answers < 120
+    assert client.next_deadline() is None

@@ -82,6 +82,8 @@ TIMEOUT_NS = 10**9
 RETRIES = 2
 #: How long an Identify waits beyond the slowest answer that its delay factor allows.
 COLLECT_MARGIN_NS = 400_000_000
+#: How long late answers may keep an Identify from its end.
+LONGEST_DELAY_NS = 10_000_000_000
 _DELAY_STEP_NS = 10**7
 
 _NONE = IPv4Address(0)
@@ -188,6 +190,7 @@ DcpClientEvent = IdentifyAnswered | IdentifyFinished | GetFinished | SetFinished
 class _Collection:
     expected: int | None
     deadline: int
+    latest: int
     quiet_ns: int = 0
     answered: set[bytes] = field(default_factory=set)
 
@@ -275,14 +278,15 @@ class DcpClient:
 
         ``delay_factor`` spreads the answers over (factor - 1) times 10 ms; ``window_ns`` is how long answers are
         collected (left out: until the slowest is due, and 0.4 s); ``expected`` answers end it early.
-        It does not end within ``quiet_ns`` after an answer: where stations have no time, theirs come late.
+        It does not end within ``quiet_ns`` after an answer: where stations have no time, theirs come late.  After
+        10 s more it ends whatever comes.
         """
         xid = self._next_xid()
         frame_id = frame_id_of(SERVICE_IDENTIFY, TYPE_REQUEST)
         blocks = tuple(filters) or (AllSelectorBlock(),)
         pdu = DcpPdu(frame_id, SERVICE_IDENTIFY, TYPE_REQUEST, xid, blocks=blocks, response_delay_factor=delay_factor)
         window = delay_factor * _DELAY_STEP_NS + COLLECT_MARGIN_NS if window_ns is None else window_ns
-        self._collections[xid] = _Collection(expected=expected, deadline=now + window, quiet_ns=quiet_ns)
+        self._collections[xid] = _Collection(expected, now + window, now + window + LONGEST_DELAY_NS, quiet_ns)
         self._deadlines.set(xid, now + window)
         self._outbox.append(self._frame(destination, pdu))
         return xid
@@ -419,8 +423,9 @@ class DcpClient:
             self.dropped["duplicate"] += 1
         else:
             collection.answered.add(source)
-            if now + collection.quiet_ns > collection.deadline:
-                collection.deadline = now + collection.quiet_ns
+            quiet = min(now + collection.quiet_ns, collection.latest)
+            if quiet > collection.deadline:
+                collection.deadline = quiet
                 self._deadlines.set(pdu.xid, collection.deadline)
             self._events.append(IdentifyAnswered(pdu.xid, source, station_info(pdu.blocks), pdu.blocks))
             if collection.expected is not None and len(collection.answered) >= collection.expected:
