@@ -87,7 +87,7 @@ class AxisProgram:
     #: Whether the controller counts the sign of life (STW2, bits 12 to 15) with each call of ``cycle``.
     counts_sign_of_life = True
 
-    #: The drive's name in the farm file, and its model.
+    #: The axis' name, as the farm has it, and the drive's model.
     name: str = ""
     model: str = ""
     #: All axes of the controller, this one too.

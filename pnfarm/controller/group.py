@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.controller import DeviceController, RecordController
@@ -23,8 +24,10 @@ __all__ = ["ControlledDevice", "Controllers"]
 
 @dataclass(frozen=True, slots=True)
 class ControlledDevice:
-    """A device of a plan, and its row in the images of its controller's table."""
+    """An axis of a plan by its name and its drive's, and its row in the images of its controller's table."""
 
+    name: str
+    drive: str
     columns: Columns
     row: int
     device: ProgrammableDevice
@@ -71,14 +74,16 @@ class Controllers:
         return self._of[name]
 
     def programmed(self) -> list[ControlledDevice]:
-        """The devices that a program of one's own moves: those of controllers without a built-in program."""
+        """The axes that a program of one's own moves: those of controllers without a built-in program."""
         found = [
-            ControlledDevice(controller.columns, row, axis)
+            (self._place(device.name), ControlledDevice(name, device.name, controller.columns, row, axis))
             for one, controller in zip(self._planned, self._controllers, strict=True)
-            for row, axis in enumerate(axis for device in one.plan.devices for _, axis in device.axes)
             if one.section.program.python is not None
+            for row, (device, name, axis) in enumerate(
+                (device, *each) for device in one.plan.devices for each in device.axes
+            )
         ]
-        return sorted(found, key=lambda each: self._place(each.device.name))
+        return [each for _, each in sorted(found, key=itemgetter(0))]
 
     def line_devices(self) -> dict[str, LineDevice]:
         """The devices of the farm, by name, as a program sees them."""

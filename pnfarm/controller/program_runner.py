@@ -75,7 +75,7 @@ class _Axis:
         image = self.columns.image[self.row]
         self._received, self._valid, self._sent = field_views(image, "received", "valid", "sent")
         self._frames, self._filled = field_views(image, "frames", "filled")
-        self.name = device.name
+        self.name, self.drive = controlled.name, controlled.drive
         self.signals = device.signals
         self.cycle_ns = device.cycle_ns
         self.counts_life = (
@@ -89,7 +89,7 @@ class _Axis:
         self.program = make_program(
             kind,
             line,
-            name=device.name,
+            name=controlled.name,
             model=device.model,
             cycle_ns=device.cycle_ns,
             inputs=self.inputs,
@@ -212,6 +212,8 @@ class ProgramRunner:
         tables = {id(axis.columns): axis.columns for axis in self._axes}
         self._providers = {key: _Providers(columns) for key, columns in tables.items()}
         self._by_name = {axis.name: axis for axis in self._axes}
+        #: Of a drive with several axes its first, until another one of them fails.
+        self._by_drive = {axis.drive: axis for axis in reversed(self._axes)}
 
     def program(self, name: str) -> AxisProgram:
         """The object of an axis; raises :class:`KeyError`."""
@@ -325,11 +327,13 @@ class ProgramRunner:
     def _fail(self, axis: _Axis, text: str, file: str, line: int, now: int) -> None:
         axis.errors += 1
         axis.failure = f"{file}:{line}: {text}"
+        if not self._by_drive[axis.drive].failure:
+            self._by_drive[axis.drive] = axis
         self._note(now, axis.name, ProgramFailed(text, file, line))
 
     def snapshot(self, name: str) -> dict[str, Any] | None:
-        """Counts of one axis, and why it is stopped; None for one without a program."""
-        axis = self._by_name.get(name)
+        """Counts of an axis, and why it is stopped, also by its drive's name; None for one without a program."""
+        axis = self._by_name.get(name) or self._by_drive.get(name)
         return None if axis is None else axis.snapshot()
 
     def close(self) -> None:

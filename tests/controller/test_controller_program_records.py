@@ -36,7 +36,7 @@ class Mine(AxisProgram):
     asked = answer = None
 
     def cycle(self, inputs, outputs, now):
-        turn = self.name == "cu" or (self.line["cu"].answer is not None and self.line["cu"].answer.done)
+        turn = self.name == "cu.x" or (self.line["cu.x"].answer is not None and self.line["cu.x"].answer.done)
         if inputs.valid and self.asked is None and turn:
             self.asked = self.write_record({LOCAL}, {TELEGRAM!r})
         if self.asked is not None and self.asked.done and self.answer is None:
@@ -57,7 +57,7 @@ def line(tmp_path):
 
 
 def test_each_axis_of_a_drive_is_asked_at_its_own_access_point(line):
-    programs = [line.programs.program(name) for name in ("cu", "cu.y")]
+    programs = [line.programs.program(name) for name in ("cu.x", "cu.y")]
     assert line.world.run(5, until=lambda: all(one.answer is not None and one.answer.done for one in programs))
     assert [struct.unpack_from(">H", one.answer.data, 6) for one in programs] == [(1,), (111,)]
     assert [(one.asked.data, one.asked.failure, one.asked.status) for one in programs] == [(b"", "", 0)] * 2
@@ -66,7 +66,7 @@ def test_each_axis_of_a_drive_is_asked_at_its_own_access_point(line):
 def test_in_real_time_an_access_begins_where_the_controller_runs(line):
     handed = []
     line.programs._carry = handed.append
-    program = line.programs.program("cu")
+    program = line.programs.program("cu.x")
     assert line.world.run(5, until=lambda: program.asked is not None)
     line.world.run(1)
     assert not program.asked.done
@@ -100,8 +100,35 @@ def test_what_cannot_be_asked_stops_the_axis_with_a_sentence(tmp_path, call, mes
 def test_an_access_without_a_connection_fails_with_the_reason(tmp_path):
     source = ASKS_ONCE.replace("inputs.valid and ", "")
     line = open_line(tmp_path / "mine.py", source)
-    program = line.programs.program("cu")
+    program = line.programs.program("cu.x")
     assert line.world.run(1, until=lambda: program.asked is not None and program.asked.done)
     assert program.asked.failure.startswith("there is no connection")
     assert (program.asked.data, program.asked.status) == (b"", 0)
+    asyncio.run(line.close())
+
+
+SEVERAL = """
+from pnfarm import AxisProgram
+
+class Mine(AxisProgram):
+    def cycle(self, inputs, outputs, now):
+        if self.name == "cu.y":
+            raise ValueError("the second axis")
+"""
+
+
+def test_programs_have_the_names_of_their_axes_in_the_order_of_the_file(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(SEVERAL)
+    text = FILE.format(program=path).replace(
+        "controller:", "  - {name: solo, model: profidrive, telegram: 1, ip: 10.77.0.12/24}\ncontroller:"
+    )
+    log = EventLog(quiet=True)
+    line = asyncio.run(VirtualLine.create(parse_farm(text), plc_log=log))
+    assert [axis.name for axis in line.programs.line] == ["cu.x", "cu.y", "solo"]
+    assert [axis.configured_name for axis in line.farm.axes] == ["cu.x", "cu.y", "solo"]
+    line.world.run(0.1)
+    assert [entry.drive for entry in log.entries() if entry.event == "axis program failed"] == ["cu.y"]
+    # the drive's row shows what stands in its way
+    assert [row["program"]["errors"] for row in line.joined.summary()] == [1, 0]
     asyncio.run(line.close())
