@@ -37,6 +37,7 @@ def test_a_drive_that_is_not_there_is_sought_again_until_it_comes():
     station.station.power_on(line.world.now)
     line.farm.settle(station.station, line.world.now)
     line.connect()
+    assert line.plc.snapshot()[0]["last_reason"] == ""
 
 
 def test_a_drive_without_its_address_gets_it_from_the_controller_for_this_power_cycle_only():

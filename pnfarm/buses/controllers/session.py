@@ -38,6 +38,9 @@ class Measures:
 
     def established(self, now: int) -> int:
         """Count a connection; how long it took to make."""
+        if not self.connects:
+            # why it took a while is of no interest any more
+            self.last_reason = ""
         self.connects += 1
         took = self.connect_ns = now - self.search_ns
         if self.lost_ns is not None:

@@ -105,9 +105,6 @@ class SessionLife(Life[DeviceSession]):
 
     def _do_established(self, session: DeviceSession, now: int) -> None:
         measures = session.measures
-        if not measures.connects:
-            # why it took a while is of no interest any more
-            measures.last_reason = ""
         session.told = ""
         took = measures.established(now)
         measures.search_ns = 0
