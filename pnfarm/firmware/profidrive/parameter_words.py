@@ -29,9 +29,10 @@ def exchange(image: Any, now: int) -> bool:
     if image.valid:
         task = (int(image.received[PKW_HEAD]) << 32) | (int(image.received[PKW_VALUE]) & 0xFFFFFFFF)
         answer = int(image.parameter_answer)
-    image.sent[PKW_HEAD] = answer >> 32
+    # the event loop may read between the two: no identifier comes before its value
     low = answer & 0xFFFFFFFF
     image.sent[PKW_VALUE] = low - 0x100000000 if low & 0x80000000 else low
+    image.sent[PKW_HEAD] = answer >> 32
     waited = now - image.parameter_told_ns >= REPEAT_NS
     if image.parameter_answered != image.parameter_task:
         report = waited

@@ -250,6 +250,21 @@ def polled(bench, count=10):
         bench.play(("poll", 0, number % 2 == 0, 0x047F))
 
 
+def test_another_task_of_the_parameter_channel_takes_no_compiled_way_and_one_that_stands_does():
+    bench = Bench("shortest", 101)
+    bench.play(("set-up", 0, False, 0))
+    bench.play(("first", 0, False, 0))
+    for number in range(3):
+        bench.play(("poll", 0, number % 2 == 0, 0x1001))
+    before = bench.repeated
+    bench.play(("poll", 0, False, 0x1002))
+    assert bench.repeated == before
+    for number in range(3):
+        bench.play(("poll", 0, number % 2 == 0, 0x1002))
+    assert bench.repeated == before + 3
+    bench.line.close()
+
+
 def test_polls_of_a_drive_that_exchanges_data_take_the_fast_path():
     bench = Bench("short")
     bench.play(("set-up", 0, False, 0))

@@ -18,6 +18,7 @@ from pnfarm.protocols.profibus.wire.telegram import ED, EXTENDED, FCB, FCV, REQU
 from pnfarm.table.channel import INTERVAL_BUCKETS, INTERVAL_EDGES_NS, MAX_WORDS
 from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.image import IMAGE, LOST_NOT
+from pnfarm.table.signals import PKW_HEAD, PKW_VALUE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -83,20 +84,36 @@ def _sum(octets: Any, begin: int, end: int) -> int:
     return total & 0xFF
 
 
+@inlined
+def _value(octets: Any, begin: int, words: Any, k: int) -> int:
+    """What the k-th of the words has in a telegram."""
+    place, low = begin + 2 * words[k, 1], words[k, 2]
+    value = np.int64(octets[place]) << 8 | np.int64(octets[place + 1])
+    if low != LOW_SINGLE:
+        value <<= 16
+        if low >= 0:
+            at = begin + 2 * low
+            value |= np.int64(octets[at]) << 8 | np.int64(octets[at + 1])
+        if value >= 0x8000_0000:
+            value -= 0x1_0000_0000
+    return int(value)
+
+
+@inlined
+def _brings_task(octets: Any, begin: int, words: Any, count: int, image: Any) -> bool:
+    """Whether the parameter channel has another task: it is written with care, for the engine reads at any time."""
+    for k in range(count):
+        slot = words[k, 0]
+        if slot in (PKW_HEAD, PKW_VALUE) and _value(octets, begin, words, k) != image[_TAKEN_FROM + slot]:
+            return True
+    return False
+
+
 @compiled
 def _take(octets: Any, begin: int, words: Any, count: int, image: Any) -> None:
     """Outputs into the image; a double word at once."""
     for k in range(count):
-        slot, place, low = words[k, 0], begin + 2 * words[k, 1], words[k, 2]
-        value = np.int64(octets[place]) << 8 | np.int64(octets[place + 1])
-        if low != LOW_SINGLE:
-            value <<= 16
-            if low >= 0:
-                at = begin + 2 * low
-                value |= np.int64(octets[at]) << 8 | np.int64(octets[at + 1])
-            if value >= 0x8000_0000:
-                value -= 0x1_0000_0000
-        image[_TAKEN_FROM + slot] = value
+        image[_TAKEN_FROM + words[k, 0]] = _value(octets, begin, words, k)
 
 
 @inlined
@@ -179,6 +196,8 @@ def answer_poll(
     ):
         return 0
     image = cells[_IMAGE]
+    if _brings_task(octets, begin, words[row, 0], cells[_TAKEN], image_words[image]):
+        return 0
     _take(octets, begin, words[row, 0], cells[_TAKEN], image_words[image])
     image_longs[image, _INTERVAL_NS] = now - cells[LAST]
     image_octets[image, _VALID] = 1

@@ -17,7 +17,7 @@ from pnfarm.engine.channels.closed_channels import ClosedChannels
 from pnfarm.table.access.record_fields import field_views, row_number
 from pnfarm.table.channel import INTERVAL_EDGES_NS
 from pnfarm.table.image import LOST_NOT, LOST_STOP
-from pnfarm.table.signals import PART_HIGH, PART_LOW, STW1, WORD_NONE
+from pnfarm.table.signals import PART_HIGH, PART_LOW, PKW_HEAD, PKW_VALUE, STW1, WORD_NONE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -34,12 +34,12 @@ AVERAGED = 32
 class _Words:
     """The words of one direction: their places in the telegram, and the slots of the image that they fill or show."""
 
-    __slots__ = ("coding", "doubles", "octets", "whole")
+    __slots__ = ("channel", "coding", "doubles", "octets", "whole")
 
     def __init__(self, codes: Sequence[int]) -> None:
         self.octets = 2 * len(codes)
         self.coding = struct.Struct(f">{len(codes)}H")
-        #: (place, slot) of single words; STW1 last, so that its edges come with what belongs to them.
+        #: (place, slot) of single words.
         self.whole: list[tuple[int, int]] = []
         high: dict[int, int] = {}
         low: dict[int, int] = {}
@@ -53,14 +53,32 @@ class _Words:
                 low[slot] = place
             else:
                 self.whole.append((place, slot))
-        self.whole.sort(key=lambda pair: pair[1] == STW1)
         #: (place of the high half, of the low half or -1, slot) of double words.
         self.doubles = [(place, low.get(slot, -1), slot) for slot, place in high.items()]
+        #: Those of them that are a task of the parameter channel.
+        self.channel: list[tuple[int, int, int]] = []
+
+    def taken(self) -> _Words:
+        """In the order in which they are written, as the engine may read between any two of them.
+
+        STW1 comes last, so that its edges come with what belongs to them, the parameter channel's identifier behind its
+        value.
+        """
+        self.whole.sort(key=lambda pair: pair[1] == STW1)
+        self.doubles.sort(key=lambda double: double[2] == PKW_HEAD)
+        self.channel = [double for double in self.doubles if double[2] in {PKW_HEAD, PKW_VALUE}]
+        return self
 
     def as_compiled(self) -> fast_path.Words:
         """As the fast path has them, in the order in which they are written."""
         doubles = [(slot, place, low if low >= 0 else fast_path.LOW_NONE) for place, low, slot in self.doubles]
         return doubles + [(slot, place, fast_path.LOW_SINGLE) for place, slot in self.whole]
+
+
+def _double(words: Sequence[int], high: int, low: int) -> int:
+    """The signed double word of these places; without a low half it is zero."""
+    value = words[high] << 16 | (words[low] if low >= 0 else 0)
+    return value - (value >> 31 << 32)
 
 
 class CyclicImage:
@@ -144,7 +162,7 @@ class CyclicImage:
 
     def layout(self, output_codes: Sequence[int], input_codes: Sequence[int]) -> None:
         """Another telegram is in force: codes of its words (:mod:`pnfarm.table.signals`)."""
-        self._outputs, self._inputs = _Words(output_codes), _Words(input_codes)
+        self._outputs, self._inputs = _Words(output_codes).taken(), _Words(input_codes)
         self.output_octets, self.input_octets = self._outputs.octets, self._inputs.octets
         self.cells[fast_path.READY] = 0
         if self._fast_path is not None:
@@ -172,10 +190,12 @@ class CyclicImage:
         """Outputs of the length of the telegram."""
         outputs, received = self._outputs, self._received
         words = outputs.coding.unpack(data)
+        if outputs.channel and any(received[slot] != _double(words, high, low) for high, low, slot in outputs.channel):
+            # no task meanwhile: the engine must not see a value with the identifier of another task
+            received[PKW_HEAD] = 0
         for high, low, slot in outputs.doubles:
             # a double word at once: the engine never sees half of a new one
-            value = words[high] << 16 | (words[low] if low >= 0 else 0)
-            received[slot] = value - (value >> 31 << 32)
+            received[slot] = _double(words, high, low)
         for place, slot in outputs.whole:
             received[slot] = words[place]
         self.note(now)
