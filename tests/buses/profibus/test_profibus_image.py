@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import pytest
+
 from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw, emit_pkw
 from pnfarm.engine.columns import allocate
 from pnfarm.firmware.profidrive.parameter_words import exchange
+from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import PART_HIGH, PART_LOW, PKW_HEAD, PKW_VALUE, STW1, word_code
 
 CODES = (
@@ -31,6 +34,39 @@ class Watched(dict):
     def tasks(self):
         """Those that were seen, whole or not."""
         return {octets for octets in self.seen if octets[0] >> 4}
+
+
+@pytest.mark.parametrize("why", [LOST_STOP, LOST_EXPIRED, LOST_CLOSED])
+def test_no_step_takes_the_zeros_of_an_end_for_a_control_word_or_misses_why_it_ended(why):
+    image = CyclicImage(allocate(images=1, channels=1).image[0])
+    image.layout(CODES, ())
+    image.take(bytes(8) + b"\x04\x7f", 1)
+    seen = []
+
+    class Field:
+        """One of the image's, whose every writing is a moment at which the engine may step."""
+
+        def __init__(self, values):
+            self.values = values
+
+        def __len__(self):
+            return len(self.values)
+
+        def __getitem__(self, place):
+            return self.values[place]
+
+        def __setitem__(self, place, value):
+            self.values[place] = value
+            seen.append((int(image._valid[0]), int(image._lost[0]), int(image._received[STW1])))
+
+    image._received, image._valid, image._lost = Field(image._received), Field(image._valid), Field(image._lost)
+    if why == LOST_STOP:
+        image.clear(2)
+    else:
+        image.stop(why)
+    assert {stw1 for valid, _, stw1 in seen if valid} <= {0x047F}
+    assert {lost for valid, lost, _ in seen if not valid} == {why}
+    assert seen[-1] == (0, why, 0)
 
 
 def test_no_value_of_a_task_meets_the_identifier_of_another_one():

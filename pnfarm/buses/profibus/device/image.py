@@ -210,16 +210,12 @@ class CyclicImage:
 
     def clear(self, now: int) -> None:
         """The master is in Clear: set points are zero, and none of them is valid (EN 50170 part 2, Clear_Data)."""
-        self._zero()
-        self._valid[0] = 0
-        self._lost[0] = LOST_STOP
+        self._end(LOST_STOP)
         self._arrived(now)
 
     def stop(self, why: int) -> None:
         """No set points come any more; ``why`` is one of ``LOST_*`` (:mod:`pnfarm.table.image`)."""
-        self._valid[0] = 0
-        self._zero()
-        self._lost[0] = why
+        self._end(why)
         self.cells[fast_path.LAST] = 0
 
     def fill(self) -> bytes:
@@ -240,7 +236,12 @@ class CyclicImage:
                 words[low] = value & 0xFFFF
         return inputs.coding.pack(*words)
 
-    def _zero(self) -> None:
+    def _end(self, why: int) -> None:
+        """In this order, as the engine may step between any two of these: it takes no zero for a control word, and
+        finds the reason with the end.
+        """
+        self._lost[0] = why
+        self._valid[0] = 0
         for slot in range(len(self._received)):
             self._received[slot] = 0
 
