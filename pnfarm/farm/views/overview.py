@@ -48,7 +48,7 @@ def _off_or(powered: Any, state: Any) -> Any:
 VALUES: Mapping[str, Callable[[Any], Any]] = {
     "state": lambda axis: _off_or(axis["powered"], axis["drive"]["state"]),
     "velocity": lambda axis: np.rint(axis["motor"]["velocity"] * 10),
-    "setpoint": lambda axis: np.rint(axis["ramp"]["setpoint"] * 10),
+    "setpoint": lambda axis: np.where(axis["powered"] != 0, np.rint(axis["ramp"]["setpoint"] * 10), 0),
     "current": lambda axis: np.rint(axis["motor"]["current"] * 100),
     "fault": lambda axis: np.where(axis["powered"] != 0, axis["faults"]["code"][:, 0] & NUMBER_MASK, 0),
     "warning": lambda axis: np.where(axis["powered"] != 0, axis["warnings"]["code"], 0),

@@ -58,7 +58,10 @@ class FaultReading:
 
 
 class DriveReadings:
-    """See the module's docstring.  Every reading is the present one; speeds are rpm, currents A, torques N m."""
+    """See the module's docstring.  Every reading is the present one; speeds are rpm, currents A, torques N m.
+
+    Without its supply a drive says nothing, and only its motor turns on.
+    """
 
     def __init__(self, core: FarmCore, station: Axis, now: Callable[[], int]) -> None:
         self._core = core
@@ -96,7 +99,7 @@ class DriveReadings:
     @property
     def faults(self) -> list[FaultReading]:
         """The active ones, the first one first."""
-        return [self._reading(code) for code in self._axis.faults.code if code]
+        return [self._reading(code) for code in self._axis.faults.code if code and self._station.powered]
 
     @property
     def active_fault(self) -> FaultReading | None:
@@ -111,7 +114,7 @@ class DriveReadings:
 
     @property
     def warning(self) -> FaultReading | None:
-        code = int(self._axis.warnings.code)
+        code = int(self._said(self._axis.warnings.code))
         return self._reading(code) if code else None
 
     # -- words and signals
@@ -119,12 +122,12 @@ class DriveReadings:
     @property
     def stw1(self) -> Word:
         """The control word that the drive obeys, with its bits by name."""
-        return self._word("STW1", int(self._axis.profidrive.stw1), STW1, STW1_BITS)
+        return self._word("STW1", int(self._said(self._axis.profidrive.stw1)), STW1, STW1_BITS)
 
     @property
     def zsw1(self) -> Word:
         """The status word, with its bits by name."""
-        return self._word("ZSW1", int(self._axis.profidrive.zsw1), ZSW1, ZSW1_BITS)
+        return self._word("ZSW1", int(self._said(self._axis.profidrive.zsw1)), ZSW1, ZSW1_BITS)
 
     @property
     def setpoints(self) -> Inputs:
@@ -145,7 +148,7 @@ class DriveReadings:
     @property
     def setpoint(self) -> float:
         """Speed set point, rpm."""
-        return float(self._axis.ramp.setpoint)
+        return float(self._said(self._axis.ramp.setpoint))
 
     @property
     def velocity(self) -> float:
@@ -170,7 +173,7 @@ class DriveReadings:
     @property
     def following_error(self) -> float:
         """Revolutions."""
-        return float(self._axis.positioning.following_error)
+        return float(self._said(self._axis.positioning.following_error))
 
     def events(self, text: str | None = None) -> list[LogEntry]:
         """What happened to it, oldest first (the last 64), or only entries with this text: ``fault``."""
@@ -193,6 +196,9 @@ class DriveReadings:
     @property
     def _image(self) -> Any:
         return self._station.handle.image
+
+    def _said(self, value: Any) -> Any:
+        return value if self._station.powered else 0
 
     def _reading(self, code: int) -> FaultReading:
         return FaultReading(self._station.model, int(code) & NUMBER_MASK)

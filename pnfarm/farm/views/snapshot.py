@@ -143,7 +143,7 @@ def drive_snapshot(
         "position_revolutions": _finite(float(axis.motor.position) - float(axis.homing.origin)),
         "pitch_millimetres": station.model.pitch or None,
         "current_amperes": _finite(axis.motor.current),
-        "following_error_revolutions": _finite(axis.positioning.following_error),
+        "following_error_revolutions": _finite(axis.positioning.following_error) if powered else 0.0,
         "torque_newton_metres": _finite(axis.motor.torque),
         "bus_volts": _finite(axis.supply.voltage) if powered else 0.0,
         "thermal_load": _finite(axis.motor.thermal_load),
