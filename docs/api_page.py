@@ -59,7 +59,7 @@ def page() -> str:
         "- **TLS**: with `tls_cert` in the farm file the API is at `https://` ([access.md](access.md)).",
         "- **Streams** (`events`, `live`) are server-sent events; `follow=false` answers once and ends. A client that",
         "  does not read loses old events, and does not slow the farm down. While all 64 are open, a token that has",
-        "  fewer of them gets the place of the newest one of the token with most; so do clients of one token, by address.",
+        "  fewer gets the place of the newest one of the token with most; so do clients of one token, by address.",
         "- **Conditions**: the signals of a device have an `ETag`; `If-Match` and `If-None-Match` use it",
         "  ([signals.md](signals.md)).",
         "- **Library**: `pnfarm.Farm.connect(URL)` in Python ([testing.md](testing.md)).",
