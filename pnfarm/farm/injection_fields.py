@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +25,8 @@ _DURATIONS = frozenset(
 
 
 def nanoseconds(seconds: float) -> str:
-    """Seconds as a duration of the fault catalogue."""
-    return f"{round(seconds * 1e9)}ns"
+    """Seconds as a duration of the fault catalogue, which refuses those that are none."""
+    return f"{round(seconds * 1e9)}ns" if isfinite(seconds) else f"{seconds}s"
 
 
 def fields_of(kind: str, on: str | Sequence[str], options: Mapping[str, Any]) -> dict[str, Any]:

@@ -124,3 +124,9 @@ def test_a_line_is_made_inside_of_a_running_loop_too():
             return line["axis-01"].state
 
     assert asyncio.run(inside()) == "S4"
+
+
+@pytest.mark.parametrize("seconds", [float("inf"), float("nan"), -1])
+def test_a_time_that_is_none_is_refused_with_what_is_allowed(seconds):
+    with Line("axis-01") as line, pytest.raises(ConfigError, match=r"fault\.for: .* is not a duration; allowed"):
+        line.inject("silence", for_=seconds)
