@@ -93,8 +93,8 @@ class DriveReadings:
 
     @property
     def connected(self) -> bool:
-        """Whether a controller's data are valid."""
-        return self._station.powered and bool(self._image.valid)
+        """Whether it exchanges data with a controller, be that in RUN or in STOP."""
+        return self._station.powered and self._station.device.connected
 
     @property
     def faults(self) -> list[FaultReading]:
@@ -133,14 +133,14 @@ class DriveReadings:
     def setpoints(self) -> Inputs:
         """The telegram's signals that came from the controller, by name: ``setpoints.nsoll_b`` in rpm."""
         view = Inputs(self._telegram().setpoints, self._image.received)
-        view.valid = self.connected
+        view.valid = self._data_valid
         return view
 
     @property
     def actuals(self) -> Inputs:
         """The telegram's signals that the drive sends, by name: ``actuals.nist_b`` in rpm."""
         view = Inputs(self._telegram().actuals, self._image.sent)
-        view.valid = self.connected
+        view.valid = self._data_valid
         return view
 
     # -- the axis
@@ -199,6 +199,10 @@ class DriveReadings:
 
     def _said(self, value: Any) -> Any:
         return value if self._station.powered else 0
+
+    @property
+    def _data_valid(self) -> bool:
+        return self._station.powered and bool(self._image.valid)
 
     def _reading(self, code: int) -> FaultReading:
         return FaultReading(self._station.model, int(code) & NUMBER_MASK)

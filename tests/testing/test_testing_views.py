@@ -1,4 +1,4 @@
-"""A drive without its supply, as tests, the API, the page and the metrics show it."""
+"""A drive as tests, the API, the page, conditions and the metrics show it: they say the same."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import json
 
 from pnfarm.farm.views.overview import Overview
 from pnfarm.metrics import FarmCollector
+from pnfarm.protocols.profinet.wire.rtc import DataStatus
+from pnfarm.station.signals import SIGNALS
 from pnfarm.testing import Line
 
 
@@ -33,3 +35,18 @@ def test_a_drive_that_is_switched_off_says_nothing_wherever_it_is_shown() -> Non
         # the shaft coasts on, and what was there before is history
         assert axis.velocity == shown["velocity_rpm"] == scraped["pnfarm_axis_velocity_rpm"] != 0
         assert axis.last_fault == 702
+
+
+def test_a_drive_whose_controller_is_in_stop_is_connected_wherever_it_is_shown() -> None:
+    with Line("a") as line:
+        metrics = FarmCollector(line.core)
+        axis = line.drive("a")
+        line.wait_running()
+        line._line.plc.columns.ppm[0].data_status &= ~DataStatus.RUN & 0xFF
+        line.run(0.3)
+        assert not axis.setpoints.valid
+        assert axis.connected
+        assert axis.snapshot()["connected"]
+        assert SIGNALS["connected"].read(line.core.axis("a"))
+        (scraped,) = (one for one in metrics.gather().metrics() if one.name == "pnfarm_ar_exchanging")
+        assert scraped.samples[0].value == 1
