@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 import traceback
 from contextlib import suppress
@@ -20,6 +22,9 @@ __all__ = ["BAD_INPUT", "INTERNAL", "report"]
 
 BAD_INPUT = 2
 INTERNAL = 5
+
+#: A disk, or this user's part of it, is full.
+_NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 #: The base class of the framework's usage errors; its module differs between versions, its ``format_message`` does not.
 _USAGE = next(kind for kind in typer.BadParameter.__mro__[::-1] if hasattr(kind, "format_message"))
@@ -64,6 +69,9 @@ def _code_and_text(error: BaseException) -> tuple[int, str]:
         return error.exit_code, lines
     if (sentence := is_exhausted(error)) is not None:
         return EnvironmentError_.exit_code, f"pnfarm: {sentence}"
+    if isinstance(error, OSError) and error.errno in _NO_ROOM:
+        where = error.filename or "what this command writes"
+        return EnvironmentError_.exit_code, f"pnfarm: there is no room for {where}: {os.strerror(error.errno).lower()}"
     kind = "" if isinstance(error, InternalError) else f"{type(error).__name__}: "
     return INTERNAL, f"pnfarm: internal error: {kind}{error} (please report; details with --debug)"
 

@@ -114,3 +114,13 @@ def test_an_error_on_a_full_disk_has_its_exit_code(process, farm):
     arguments = process.command("validate", farm.with_name("none.pnfarm.yml"))
     with Path("/dev/full").open("w", encoding="utf-8") as full:
         assert subprocess.run(arguments, check=False, stderr=full, timeout=120, env=clean_environment()).returncode == 2
+
+
+def test_output_for_which_the_disk_has_no_room_is_the_machines_fault(process, farm):
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
+        done = subprocess.run(
+            process.command("validate", farm), check=False, stdout=full, stderr=subprocess.PIPE, text=True, timeout=120,
+            env=clean_environment(),
+        )  # fmt: skip
+    assert (done.returncode, done.stderr.count("\n")) == (4, 1)
+    assert "no room for what this command writes: no space left on device" in done.stderr
