@@ -101,6 +101,8 @@ class FarmNodes:
     async def _add(self, owner: str, points: Sequence[Point]) -> None:
         """Nodes of an owner's signals, with their units; other clients are served before the next owner's."""
         items = []
+        # one node alone can have a name: that of a drive, where a signal of another one would have the same
+        points = [point for point in points if point.name not in self._owners]
         for point in points:
             kind = ua.VariantType[point.type]
             empty = ua.Variant(_EMPTY.get(point.type, 0), kind)

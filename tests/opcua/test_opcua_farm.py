@@ -445,6 +445,22 @@ def test_an_independent_client_reads_writes_and_subscribes(farm):
         client.disconnect()
 
 
+def test_a_drive_with_the_name_of_another_ones_signal_hides_no_other_signal(monkeypatch):
+    names = (
+        "{name: a, model: akd-profinet, ip: 10.77.0.21/24}, {name: a.velocity, model: akd-profinet, ip: 10.77.0.22/24}"
+    )
+    monkeypatch.setattr(
+        "opcua_farm.OPCUA_CELL", f"farm: opcua-names\nlink: {{kind: memory}}\napi: off\ndrives: [{names}]\n"
+    )
+
+    async def found(farm):
+        async with client_of(farm) as client:
+            return [await status_of(client, name) for name in ("a.torque", "a.velocity.torque")]
+
+    with opcua_farm("{listen: '127.0.0.1:0'}") as running:
+        assert asyncio.run(found(running)) == ["Good", "Good"]
+
+
 class _Failing:
     """A server that fails while it runs."""
 
