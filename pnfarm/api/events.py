@@ -44,7 +44,7 @@ class Log(Protocol):
 
     def entries(self, *, after: int = 0, most: int | None = None) -> Sequence[Any]: ...
 
-    def subscribe(self, subscriber: Callable[[Any], None], /) -> Callable[[], None]: ...
+    def follow(self, follower: Callable[[], None], /) -> Callable[[], None]: ...
 
 
 class Reader(Protocol):
@@ -102,7 +102,7 @@ async def log_stream(context: Context, log: Log, reader: Reader, *, follow: bool
     def wake_up() -> None:
         wake.set()
 
-    unsubscribe = log.subscribe(lambda _: wake_up())
+    unfollow = log.follow(wake_up)
     context.streams.add(wake_up)
     try:
         yield f"retry: {RETRY_MILLISECONDS}\n\n"
@@ -128,7 +128,7 @@ async def log_stream(context: Context, log: Log, reader: Reader, *, follow: bool
                 # nothing for this client in this piece: let other tasks run
                 await anyio.lowlevel.checkpoint()
     finally:
-        unsubscribe()
+        unfollow()
         context.streams.discard(wake_up)
 
 

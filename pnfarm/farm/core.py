@@ -588,13 +588,14 @@ class FarmCore:
         for happened in self.injections.events():
             self.log.record(happened.now, happened.drive, happened.event)
         self.traces.handle_timeout(now)
+        self.log.service(now)
         if self.plant is not None:
             self.plant.service(now)
 
     def next_deadline(self) -> int | None:
         first = self._deadlines.first()
         plant = None if self.plant is None else self.plant.next_deadline()
-        for due in (self.injections.next_deadline(), self.traces.next_deadline(), plant):
+        for due in (self.injections.next_deadline(), self.traces.next_deadline(), self.log.next_deadline(), plant):
             if due is not None and (first is None or due < first):
                 first = due
         return first

@@ -140,3 +140,7 @@ class MergedLog:
                 self._subscribers.remove(subscriber)
 
         return unsubscribe
+
+    def follow(self, follower: Callable[[], None]) -> Callable[[], None]:
+        """The same without the entry."""
+        return self.subscribe(lambda _: follower())

@@ -87,6 +87,7 @@ class EventLog:
         self._farm: deque[LogEntry] = deque(maxlen=FARM_ENTRIES)
         self._drives: dict[str, list[LogEntry]] = {}
         self._subscribers: list[Callable[[LogEntry], None]] = []
+        self._followers: list[Callable[[], None]] = []
 
     def record(self, now: int, drive: str, event: Event) -> LogEntry:
         """Append one entry, or count the event where peers cause too many, and notify the subscribers."""
@@ -101,6 +102,15 @@ class EventLog:
             subscriber(entry)
         return entry
 
+    def next_deadline(self) -> int | None:
+        """When :meth:`service` is due."""
+        return self._paces.next_deadline()
+
+    def service(self, now: int) -> None:
+        """Write the entries of what was only counted."""
+        for entry, count in self._paces.overdue(now):
+            self._append(entry, count)
+
     def _append(self, event: LogEntry, count: int) -> LogEntry:
         self._sequence += 1
         entry = LogEntry(self._sequence, event.now_ns, event.wall, event.drive, event.what, count)
@@ -113,6 +123,8 @@ class EventLog:
         if not self.quiet:
             told = what.logged() | entry.repeated
             getattr(logger, what.level)(what.text, **({"drive": drive} if drive else {}), **told)
+        for follower in list(self._followers):
+            follower()
         return entry
 
     @property
@@ -140,3 +152,13 @@ class EventLog:
                 self._subscribers.remove(subscriber)
 
         return unsubscribe
+
+    def follow(self, follower: Callable[[], None]) -> Callable[[], None]:
+        """Call ``follower`` for each new entry; the returned function ends that."""
+        self._followers.append(follower)
+
+        def unfollow() -> None:
+            if follower in self._followers:
+                self._followers.remove(follower)
+
+        return unfollow

@@ -68,6 +68,37 @@ def test_what_a_controller_changes_in_each_cycle_is_in_the_log_once_a_second_wit
     assert sum(entry.stands_for for entry in entries) > 9000
 
 
+def test_what_was_counted_last_has_its_entry_as_soon_as_the_pace_permits_it(log):
+    woken = []
+    log.follow(lambda: woken.append(1))
+    for number in range(100):
+        log.record(number, "msd", REFUSED)
+    assert len(woken) == ATTEMPT.at_once
+    due = log.next_deadline()
+    assert due == ATTEMPT.every_ns
+    log.service(due - 1)
+    assert len(woken) == ATTEMPT.at_once
+    log.service(due)
+    assert len(woken) == ATTEMPT.at_once + 1
+    assert (log.entries()[-1].now_ns, log.entries()[-1].data["repeated"]) == (99, 88)
+    assert log.next_deadline() is None
+
+
+def test_behind_a_flapping_connection_the_last_entry_is_how_it_ended(log):
+    for established in (True, False):
+        for number in range(400):
+            now = number * SECOND // 20
+            log.record(now, "msd", ParametersTaken(1, 0))
+            log.record(now + 1, "msd", DataExchangeBegan(1, 101))
+            if number < 399 or not established:
+                log.record(now + 2, "msd", DataExchangeLost("watchdog", 1))
+        log.service(now + 2 * SECOND)
+        last = "connection established" if established else "connection lost"
+        assert log.entries()[-1].event == last
+        assert len(log.entries()) < 300
+        log.service(now + 300 * SECOND)
+
+
 def test_another_drive_and_another_event_have_their_own_pace(log):
     for _ in range(100):
         log.record(0, "one", REFUSED)

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from pnfarm.buses.controllers.axis_program import PHASES
-from pnfarm.station.event import BY_PEER, Event, event, shown, unshown
+from pnfarm.station.event import Event, event, shown, unshown
 
 __all__ = ["ConnectFailed", "Connected", "ConnectionBroken", "PhaseChanged", "Released"]
 
 
-@event("connected", pace=BY_PEER)
+@event("connected")
 class Connected(Event):
     """A station exchanges data, so long after the controller first looked for it."""
 
     after_ns: int = shown(name="connect_seconds")
 
 
-@event("connect failed", "warning", pace=BY_PEER)
+@event("connect failed", "warning")
 class ConnectFailed(Event):
     """A station does not answer, or refused what the controller wants."""
 
     reason: str
 
 
-@event("connection lost", "warning", pace=BY_PEER)
+@event("connection lost", "warning")
 class ConnectionBroken(Event):
     """An established connection ended without a release."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pnfarm.buses.controllers import events as session_events
 from pnfarm.buses.controllers.events import ConnectionBroken, PhaseChanged, Released
-from pnfarm.station.event import BY_PEER, Event, event, shown
+from pnfarm.station.event import Event, event, shown
 
 __all__ = [
     "ConnectFailed", "Connected", "ConnectionBroken", "IdentityDiffers", "IdentityUnread", "OldConnectionClosed",
@@ -28,31 +28,31 @@ class ConnectFailed(session_events.ConnectFailed):
     status: tuple[int, ...] = shown(always=False, default=())
 
 
-@event("session lost", "warning", pace=BY_PEER)
+@event("session lost", "warning")
 class SessionLost(Event):
     """The TCP connection ended while cyclic data go on."""
 
     reason: str
 
 
-@event("session resumed", pace=BY_PEER)
+@event("session resumed")
 class SessionResumed(Event):
     """There is a session again beside the cyclic data."""
 
 
-@event("old connection closed", pace=BY_PEER)
+@event("old connection closed")
 class OldConnectionClosed(Event):
     """A connection of the scanner's own, which the device still had, was in the way and is closed."""
 
 
-@event("identity unread", "warning", pace=BY_PEER)
+@event("identity unread", "warning")
 class IdentityUnread(Event):
     """A device's identity could not be read."""
 
     detail: str
 
 
-@event("identity differs", "warning", pace=BY_PEER)
+@event("identity differs", "warning")
 class IdentityDiffers(Event):
     """A device's identity is not as planned; its electronic key decides whether it can be connected."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pnfarm.buses.controllers import events as session_events
 from pnfarm.buses.controllers.events import ConnectFailed, ConnectionBroken, PhaseChanged, Released
-from pnfarm.station.event import BY_PEER, Event, event
+from pnfarm.station.event import Event, event
 
 __all__ = ["ConnectFailed", "Connected", "ConnectionBroken", "DiagnosisRead", "PhaseChanged", "Released"]
 
@@ -16,7 +16,7 @@ class Connected(session_events.Connected):
     address: int
 
 
-@event("diagnosis", "warning", pace=BY_PEER)
+@event("diagnosis", "warning")
 class DiagnosisRead(Event):
     """A slave in data exchange had a diagnosis; ``status`` names its bits, ``extended`` is in hexadecimal."""
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.controllers import events as session_events
 from pnfarm.buses.controllers.events import ConnectFailed, ConnectionBroken, PhaseChanged, Released
-from pnfarm.station.event import BY_PEER, Event, Level, event, shown, unshown
+from pnfarm.station.event import Event, Level, event, shown, unshown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,14 +47,14 @@ class AlarmReceived(Event):
         return "info" if self.gone else "warning"
 
 
-@event("module differs", "warning", pace=BY_PEER)
+@event("module differs", "warning")
 class ModuleDiffers(Event):
     """A drive has other modules than planned."""
 
     detail: str
 
 
-@event("submodules changed", pace=BY_PEER)
+@event("submodules changed")
 class SubmodulesChanged(Event):
     """Submodules of a drive can be used again, or not any more, each with its reason."""
 
@@ -65,7 +65,7 @@ class SubmodulesChanged(Event):
         return "warning" if self.unusable else "info"
 
 
-@event("parameters written anew", pace=BY_PEER)
+@event("parameters written anew")
 class ParametersWritten(Event):
     """The start-up records of a connected drive were written again; ``reason`` says why that failed."""
 
@@ -76,21 +76,21 @@ class ParametersWritten(Event):
         return "warning" if self.reason else "info"
 
 
-@event("name given twice", "warning", pace=BY_PEER)
+@event("name given twice", "warning")
 class NameGivenTwice(Event):
     """Two stations answer to a drive's name."""
 
     reason: str
 
 
-@event("identification unread", "warning", pace=BY_PEER)
+@event("identification unread", "warning")
 class IdentificationUnread(Event):
     """A drive's I&M data could not be read."""
 
     detail: str
 
 
-@event("identification differs", "warning", pace=BY_PEER)
+@event("identification differs", "warning")
 class IdentificationDiffers(Event):
     """A drive's I&M data are not as planned; it may be an equivalent spare part."""
 
@@ -99,7 +99,7 @@ class IdentificationDiffers(Event):
     planned: str
 
 
-@event("neighbour appeared", pace=BY_PEER)
+@event("neighbour appeared")
 class NeighbourAppeared(Event):
     """The controller's port has a neighbour."""
 
