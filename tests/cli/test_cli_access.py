@@ -109,7 +109,7 @@ def test_with_a_file_of_tokens_no_token_is_generated(tmp_path):
     (tmp_path / "a.pnfarm.yml").write_text(FARM)
     found = token_of(parse_farm(FARM % (section % "") + "state: ./state\n", tmp_path / "a.pnfarm.yml"))
     assert (found.value, found.file, found.in_log) == (None, None, None)
-    assert [holder.name for holder in found.tokens.holders()] == ["ci"]
+    assert [holder.name for holder in found.tokens.holders] == ["ci"]
     own = token_of(parse_farm(FARM % (section % ", token_file: own"), tmp_path / "a.pnfarm.yml"))
     assert own.file == tmp_path / "own"
 
