@@ -211,11 +211,12 @@ class TlsDoor(asyncio.Protocol):
         tls = None
         try:
             await self.pace.wait(self.transport)
+            context = await self.tls.context()
             if not self.transport.is_closing():
                 tls = await asyncio.get_running_loop().start_tls(
                     self.transport,
                     self,
-                    await self.tls.context(),
+                    context,
                     server_side=True,
                     ssl_handshake_timeout=HANDSHAKE_SECONDS,
                     ssl_shutdown_timeout=SHUTDOWN_SECONDS,
