@@ -35,6 +35,12 @@ __all__ = ["Rig", "RigDrive", "RigFault"]
 _T = TypeVar("_T")
 
 
+async def _cleaned_up() -> None:
+    """Until what was cancelled has ended: the end of the loop would cancel it once more, while it cleans up."""
+    if cancelled := [task for task in asyncio.all_tasks() if task.cancelling()]:
+        await asyncio.wait(cancelled)
+
+
 class Rig(BlockingFace["RigDrive"]):
     """``where``: a farm file, or the URL of a running farm's API.  Use it in a ``with`` statement.
 
@@ -76,7 +82,6 @@ class Rig(BlockingFace["RigDrive"]):
             loop = runner.get_loop()
             loop.call_soon_threadsafe(loop.stop)
             thread.join()
-            # what Ctrl-C has cancelled cleans up first
             runner.close()
 
     def call(self, work: Coroutine[Any, Any, _T]) -> _T:
@@ -84,11 +89,13 @@ class Rig(BlockingFace["RigDrive"]):
         if self._runner is None:
             work.close()
             raise ConfigError("the rig is not running: use it in a `with` statement")
-        future = asyncio.run_coroutine_threadsafe(work, self._runner.get_loop())
+        loop = self._runner.get_loop()
+        future = asyncio.run_coroutine_threadsafe(work, loop)
         try:
             return future.result()
         except BaseException:
-            future.cancel()
+            if future.cancel():
+                asyncio.run_coroutine_threadsafe(_cleaned_up(), loop).result()
             raise
 
     @property
