@@ -20,6 +20,7 @@ from pnfarm.table.condition import (
     OP_GIVEN,
     OP_NOT,
     OP_OR,
+    OP_PRODUCT,
     OP_UNEQUAL,
 )
 from pnfarm.table.engine_row import CONDITION_HELD, emit
@@ -68,7 +69,9 @@ def watch_conditions(  # one loop: a call for each operation, with these arrays,
                 left, right = int(op.left), int(op.right)
                 if first <= left < place and first <= right < place:
                     one, other = float(ops[left].value), float(ops[right].value)
-                    if (
+                    if code == OP_PRODUCT:
+                        value = one * other
+                    elif (
                         (code == OP_EQUAL and one == other)
                         or (code == OP_UNEQUAL and one != other)
                         or (code == OP_BELOW and one < other)

@@ -252,7 +252,7 @@ class _Builder:
 
     def _leaf(self, tree: Tree) -> int:
         if isinstance(tree, Name) and (place := self._place(tree)) is not None:
-            return self._field(place)
+            return self._signal(tree, place)
         if isinstance(tree, Comparison):
             name, other = (tree.left, tree.right) if isinstance(tree.left, Name) else (tree.right, tree.left)
             if isinstance(name, Name) and isinstance(other, Text) and self._signals[name.name].form == "state":
@@ -279,10 +279,17 @@ class _Builder:
 
     def _side(self, name: Name, place: Place | None) -> int:
         """One side of a comparison; of a bit whose field is a number, such as that of a fault, 0 or 1."""
-        number = self._field(place)
+        number = self._signal(name, place)
         if self._signals[name.name].form != "bit":
             return number
         return self._push(code=codes.OP_UNEQUAL, left=number, right=self._push(code=codes.OP_GIVEN))
+
+    def _signal(self, name: Name, place: Place | None) -> int:
+        number = self._field(place)
+        signal = self._signals[name.name]
+        if not isinstance(signal, DriveSignal) or not signal.is_said:
+            return number
+        return self._push(code=codes.OP_PRODUCT, left=number, right=self._field(_POWERED))
 
     def _field(self, place: Place | None) -> int:
         assert place is not None

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Watch", "as_text", "signals_of_event"]
 
+#: Of a drive without its supply, and of one that begins to boot.
+_NO_FAULT: Mapping[str, Value] = {"fault": 0, "faulted": False, "warning": 0}
+
 
 def signals_of_event(entry: LogEntry) -> dict[str, Value]:
     """The signals that an event sets, with their values at its time."""
@@ -39,9 +42,9 @@ def signals_of_event(entry: LogEntry) -> dict[str, Value]:
         case events.ConnectionEstablished():
             return {"connected": True}
         case events.PowerLost():
-            return {"powered": False, "state": "off", "connected": False}
+            return {"powered": False, "state": "off", "connected": False, **_NO_FAULT}
         case events.PowerReturned():
-            return {"powered": True, "state": "boot"}
+            return {"powered": True, "state": "boot", **_NO_FAULT}
         case _:
             return {}
 
@@ -92,7 +95,7 @@ class Watch:
             self.before_ns = self._looked_ns
         else:
             self._since_ns = self.before_ns = now
-            faults = {name: int(SIGNALS["fault"].read(axis)) for name, axis in self._watched_drives()}
+            faults = {name: int(SIGNALS["fault"].now(axis)) for name, axis in self._watched_drives()}
             self._faults = {name: number for name, number in faults.items() if number}
         self._looked_ns = now
         self._seen.clear()
@@ -112,7 +115,7 @@ class Watch:
         lost = isinstance(entry.what, events.ConnectionLost | events.ConnectionReleased)
         if isinstance(entry.what, events.FaultRaised):
             changed["fault"] = self._faults.setdefault(drive, entry.what.number)
-        elif isinstance(entry.what, events.FaultsCleared):
+        elif isinstance(entry.what, events.FaultsCleared | events.PowerLost):
             self._faults.pop(drive, None)
         if changed or lost:
             # what happened since the last look, in order: the table may show a later moment already

@@ -62,7 +62,7 @@ class Condition:
         if not isinstance(signal, DriveSignal):
             return signal.read(devices)
         assert station is not None
-        return signal.read(station)
+        return signal.now(station)
 
     def holds(self, station: Axis | None, devices: LiveDevices, known: Mapping[str, Value] | None = None) -> bool:
         """Whether it holds; ``known`` are values of signals at the moment of an event."""

@@ -117,6 +117,7 @@ class DriveSignal:
     """``form``: ``number``, ``bit``, ``state``, ``fault`` (a number of the manual), ``word``, ``text``.
 
     ``place`` gives the field of the axis table that holds it now, for the engine; None: only the event loop knows it.
+    ``is_said``: it is the drive that says it, which says nothing without its supply: no, or 0.
     """
 
     name: str
@@ -125,6 +126,13 @@ class DriveSignal:
     doc: str
     read: Callable[[Axis], Value]
     place: Callable[[Axis], Place | None] = _nowhere
+    is_said: bool = False
+
+    def now(self, station: Axis) -> Value:
+        """Its value."""
+        if self.is_said and not station.powered:
+            return False if self.form == "bit" else 0
+        return self.read(station)
 
     @property
     def has_place(self) -> bool:
@@ -145,7 +153,7 @@ def _fault(station: Axis) -> int:
 
 def _ready(station: Axis) -> bool:
     drive = station.handle.axis.drive
-    return station.powered and int(drive.state) > 0 and not int(drive.lacks) and _fault(station) == 0
+    return int(drive.state) > 0 and not int(drive.lacks) and _fault(station) == 0
 
 
 def _enabled(station: Axis) -> bool:
@@ -176,13 +184,9 @@ def _at_rest(station: Axis) -> bool:
     return abs(float(axis.motor.velocity)) <= float(axis.ramp.settings.standstill)
 
 
-def _connected(station: Axis) -> bool:
-    return station.powered and station.device.connected
-
-
 def _cycle(station: Axis) -> float:
     connection = station.device.connection()
-    return connection.cycle_ns / 1e9 if connection is not None and station.powered else 0.0
+    return connection.cycle_ns / 1e9 if connection is not None else 0.0
 
 
 def _axis(*path: str) -> Callable[[Axis], Value]:
@@ -229,13 +233,19 @@ def _motion(bit: int) -> Callable[[Axis], Value]:
 
 _TASK_ACTIVE, _AT_TARGET = 0, 11
 
+#: What is so whether or not a drive says it: its supply, its motor, and what is counted.
+_NOT_SAID = frozenset({
+    "state", "powered", "at_rest", "velocity", "position", "current", "torque", "thermal_load", "connects",
+    "watchdog_expirations", "telegram",
+})  # fmt: skip
+
 
 #: By name.
 SIGNALS: Mapping[str, DriveSignal] = {
-    signal.name: signal
+    signal.name: dataclasses.replace(signal, is_said=signal.name not in _NOT_SAID)
     for signal in (
         _signal("state", "state", "", "state of the drive: off, boot, S1 to S5", _state),
-        _signal("connected", "bit", "", "a connection exchanges cyclic data", _connected),
+        _signal("connected", "bit", "", "a connection exchanges cyclic data", lambda station: station.device.connected),
         _signal("powered", "bit", "", "the control supply is on", lambda station: station.powered),
         _signal("faulted", "bit", "", "a fault is active", lambda station: _fault(station) != 0, _FAULT_PLACE),
         _signal("fault", "fault", "", "oldest active fault by the manual's number, 0 for none", _fault, _FAULT_PLACE),
@@ -344,7 +354,7 @@ def _bit_signal(model: Model, word: str, name: str, places: Sequence[tuple[froze
         bit = bit_now(station)
         return None if bit is None else whole.place(bit)
 
-    return DriveSignal(name, "bit", "", f"bit of {word.upper()}", read, place)
+    return DriveSignal(name, "bit", "", f"bit of {word.upper()}", read, place, is_said=True)
 
 
 def signal_names(model: Model) -> list[str]:
@@ -361,7 +371,7 @@ def find_signal(model: Model, name: str) -> DriveSignal | None:
     word, dot, bit = lower.partition(".")
     if (whole := profile_words(model).get(word)) is not None:
         if not dot:
-            return _signal(word, "word", "", whole.doc, whole.read, whole.place())
+            return dataclasses.replace(_signal(word, "word", "", whole.doc, whole.read, whole.place()), is_said=True)
         if (places := _bits(model, word).get(bit)) is not None:
             return _bit_signal(model, word, lower, places)
         number = _BIT.fullmatch(bit)
@@ -384,7 +394,7 @@ def find_parameter(model: Model, name: str) -> DriveSignal | None:
         return None
 
     def read(station: Axis) -> Value:
-        return int(station.store.get(name)) if station.powered else 0
+        return int(station.store.get(name))
 
     # its value is the raw number, as `pnfarm param get` shows it: a unit beside it would be read wrongly
-    return DriveSignal(f'param("{name}")', "number", "", parameter.name, read)
+    return DriveSignal(f'param("{name}")', "number", "", parameter.name, read, is_said=True)

@@ -27,6 +27,7 @@ OP_AT_LEAST = 8
 OP_AND = 9
 OP_OR = 10
 OP_NOT = 11  # of ``left``
+OP_PRODUCT = 12
 
 CONDITION = Layout(
     "condition",

@@ -9,6 +9,7 @@ from storm import left_behind
 from pnfarm.errors import ConfigError
 from pnfarm.faults import manager
 from pnfarm.faults.errors import InjectionError
+from pnfarm.signals.conditions import bind
 
 TICK = 1_000_000
 
@@ -111,6 +112,38 @@ def test_a_fault_compared_with_yes_or_no_is_not_taken_for_its_number(line, condi
     fault = line.add("load", when=f"({condition}) and velocity < 500 and velocity > 450")
     line.run(1.0)
     assert (fault.state == "active") is holds
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "fault == 0",
+        "not faulted",
+        "faulted == false",
+        "zsw1 == 0",
+        "not zsw1.3",
+        "stw1 == 0",
+        "setpoint == 0",
+        "not enabled",
+        "bus_voltage == 0",
+        'param("DRV.OPMODE") == 0',
+    ],
+)
+def test_a_drive_without_its_supply_says_nothing(line, condition):
+    """In the API it has no fault and no words either; the shaft turns on."""
+    accelerate(line)
+    line.run(1.0)
+    line.add("drive-fault", params={"fault": 702, "hold": True})
+    line.run(0.01)
+    station = line.farm.axes[0].station
+    assert bind(condition, line.farm.axes[0].model).holds(line.farm.axes[0], {}) is False
+    station.switch(line.world.now, on=False)
+    assert bind(condition, line.farm.axes[0].model).holds(line.farm.axes[0], {}) is True
+    # between two velocities nothing happens that the event loop could see: it is the engine that finds it
+    fault = line.add("silence", when=f"({condition}) and velocity < 500")
+    assert fault.state == "waiting"
+    line.run(5.0)
+    assert fault.state == "active"
 
 
 def test_it_waits_for_a_connection_and_for_a_parameter():
