@@ -250,8 +250,11 @@ class IpHostMachine(Machine):
     def take(self, rng, data):
         """From the EtherType on; the farm drops shorter frames before they are the host's."""
         mac, peer = self.station.port.mac, self.line.plc.port.mac
-        if len(data) >= 2:
-            self.station.device.ip.receive(parse_ethernet(mac + peer + data), self.now)
+        try:
+            frame = parse_ethernet(mac + peer + data)
+        except DecodeError:
+            return
+        self.station.device.ip.receive(frame, self.now)
         self.settle()
 
 
