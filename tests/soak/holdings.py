@@ -127,8 +127,11 @@ def of_process(loop: AbstractEventLoop | None) -> dict[str, Any]:
             name = getattr(task.get_coro(), "__qualname__", "?")
             tasks[name] = tasks.get(name, 0) + 1
     heap = _mallinfo()
+    resident, of_files = map(int, Path("/proc/self/statm").read_text("ascii").split()[1:3])
     return {
-        "rss": int(Path("/proc/self/statm").read_text("ascii").split()[1]) * 4096,
+        "rss": resident * 4096,
+        # without mapped files, which the kernel takes away and gives back as it needs memory
+        "own": (resident - of_files) * 4096,
         # in use, and kept free
         "heap": heap.uordblks + heap.hblkhd,
         "heap free": heap.fordblks,

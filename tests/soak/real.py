@@ -433,7 +433,8 @@ class RealRun:
             process = noted["process"]
             sample[f"{name} pid"] = side.process.pid
             sample |= {
-                f"{name} {key}": process[key] for key in ("rss", "heap", "heap free", "blocks", "threads", "files")
+                f"{name} {key}": process[key]
+                for key in ("rss", "own", "heap", "heap free", "blocks", "threads", "files")
             }
             sample[f"{name} tasks"] = sum(_lasting(process["tasks"]).values())
             sample[f"{name} rows"] = rows(noted["holds"])

@@ -34,6 +34,7 @@ MIB = 1 << 20
 #: more thread, file or task in half an hour, or five rows, is fewer than one in a hundred of a soak's actions.
 BOUNDS: Mapping[str, tuple[float, str, float]] = {
     "rss": (1.0, "MiB", MIB),
+    "own": (1.0, "MiB", MIB),
     "heap": (1.0, "MiB", MIB),
     "blocks": (10_000.0, "blocks", 1.0),
     "objects": (1_000.0, "objects", 1.0),
