@@ -61,7 +61,7 @@ def _number_anew(reader: Any) -> None:
         reader.interfaces.clear()
         header()
 
-    reader._read_block_shb = section  # noqa: SLF001 - the same
+    reader._read_block_shb = section  # noqa: SLF001 - nor one to be called at a section's begin
 
 
 class _Unpacked(gzip.GzipFile):

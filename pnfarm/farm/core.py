@@ -20,7 +20,7 @@ from pnfarm.engine.channels.impairments import ImpairmentTable
 from pnfarm.engine.channels.schedule import ChannelTable
 from pnfarm.engine.columns import allocate
 from pnfarm.engine.lateness import LatenessRecord
-from pnfarm.errors import ConfigError, EnvironmentError_, InternalError
+from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.engine_events import EngineEvents
 from pnfarm.farm.events import PortsRefused
 from pnfarm.farm.file.places import NO_FILE, FilePlaces
@@ -34,6 +34,7 @@ from pnfarm.links.egress import egress_of
 from pnfarm.links.joined import lines_of
 from pnfarm.links.kernel.linux import PacketLink
 from pnfarm.links.memory import MemoryLink
+from pnfarm.links.served_ports import ServedPorts
 from pnfarm.links.sockets import sockets_of
 from pnfarm.plant.plant import Plant
 from pnfarm.protocols.deadlines import Deadlines
@@ -63,14 +64,12 @@ if TYPE_CHECKING:
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.node import StationNode
     from pnfarm.station.plain_signals import NamedSignals
-    from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
+    from pnfarm.wire.endpoint import SocketAction, SocketEvent
 
 __all__ = ["FarmCore"]
 
 #: Impairment rows for each drive: injections into its cyclic frames that can be active at once.
 IMPAIRMENTS_PER_DRIVE = 8
-#: An address that the machine refused to a running farm is tried again after this time.
-SERVE_AGAIN_NS = 1_000_000_000
 #: New axes with the motors and the hardware of the models.
 _NEW_MOTORS: FreshRows[None] = FreshRows()
 
@@ -233,12 +232,10 @@ class FarmCore:
             self.columns, self._by_image, self.axes, log, self.injections, self.traces, self.plant
         )
         gate.set_receiver(self.receive)
-        self._served: dict[int, tuple[int, Services]] = {}
-        #: When an address and its ports that the machine refused are tried again, by station.
-        self._unserved: dict[int, int] = {}
-        self._started = False
+        self._ports: ServedPorts | None = None
         if self._sockets is not None:
             self._sockets.set_user(self.socket_event)
+            self._ports = ServedPorts(self._sockets, self._socket_gate, self._ports_refused)
         self._port_of = {name: s.port.index for s in self.stations for name in s.names}
         if isinstance(innermost, (MemoryLink, PacketLink)):
             innermost.set_audience(self._audience)
@@ -316,7 +313,8 @@ class FarmCore:
             self.settle(station, now)
         if self.plant is not None:
             self.plant.start(now)
-        self._started = True
+        if self._ports is not None:
+            self._ports.may_wait = True
 
     def stop(self, now: int) -> None:
         """Tell every controller that its drive shuts down: an ERR-RTA for each connection."""
@@ -430,56 +428,22 @@ class FarmCore:
             self._sockets.act(port, action)
 
     def _refuse_streams(self, port: int, refused: bool) -> None:
-        if self._sockets is not None and self._sockets.serves(port):
-            station = self._by_port[port]
-            self._ask(station, partial(self._sockets.refuse, port, refused=refused), self._clock())
-            self._arm(station)
+        if self._ports is not None:
+            self._ports.refuse(port, refused=refused, now=self._clock())
+            self._arm(self._by_port[port])
+
+    def _ports_refused(self, port: int, why: str, now: int) -> None:
+        self.log.record(now, self._by_port[port].configured_name, PortsRefused(why))
 
     def _carry(self, station: StationNode, now: int) -> None:
         """Give a station the address and the ports that it has now, and send what it has to send."""
         port, services = station.port.index, station.services()
-        served = self._served.get(port)
-        wanted = None if services is None else (station.starts, services)
-        again = self._unserved.get(station.index, now + 1) <= now
-        if wanted != served or again:
-            if self._sockets is None:
-                raise ConfigError(f"drive {station.configured_name} needs sockets, which a {self.link.kind} link lacks")
-            if wanted == served and self._sockets.serves(port):
-                # only its listeners are not open again
-                self._refuse_streams(port, self._socket_gate.refuses(port))
-            else:
-                # its streams are gone
-                self._socket_gate.restart(port)
-                if services is None or wanted is None:
-                    del self._served[port]
-                    self._unserved.pop(station.index, None)
-                    self._sockets.withdraw(port)
-                else:
-                    self._served[port] = wanted
-                    self._serve(station, services, now)
+        if self._ports is not None:
+            self._ports.keep(port, None if services is None else (station.starts, services), now)
+        elif services is not None:
+            raise ConfigError(f"drive {station.configured_name} needs sockets, which a {self.link.kind} link lacks")
         for action in station.pump_sockets(now):
             self._socket_gate.sent(port, action, now)
-
-    def _serve(self, station: StationNode, services: Services, now: int) -> None:
-        """Open its address and ports."""
-        assert self._sockets is not None
-        port = station.port.index
-        self._ask(station, partial(self._sockets.serve, port, services), now)
-        if self._socket_gate.refuses(port):
-            self._refuse_streams(port, refused=True)
-
-    def _ask(self, station: StationNode, ports: Callable[[], None], now: int) -> None:
-        """Ask the machine for a station's ports; what it refuses to a running farm is asked for again."""
-        try:
-            ports()
-        except EnvironmentError_ as exc:
-            if not self._started:
-                raise
-            if station.index not in self._unserved:
-                self.log.record(now, station.configured_name, PortsRefused(str(exc)))
-            self._unserved[station.index] = now + SERVE_AGAIN_NS
-            return
-        self._unserved.pop(station.index, None)
 
     def _audience(self, frame: bytes) -> list[int] | None:
         """Ports that a group-addressed frame can concern, None for any.
@@ -558,7 +522,7 @@ class FarmCore:
 
     def _arm(self, station: StationNode) -> None:
         due = station.next_deadline()
-        if (again := self._unserved.get(station.index)) is not None:
+        if self._ports is not None and (again := self._ports.next_deadline(station.port.index)) is not None:
             due = again if due is None else min(due, again)
         self._deadlines.set(station.index, due)
 

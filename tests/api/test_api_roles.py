@@ -268,6 +268,7 @@ def test_a_disk_that_does_not_answer_holds_up_neither_the_farm_nor_the_other_tok
         async def beat():
             nonlocal ticks
             while True:
+                # a loop that is held up does not come back from this
                 await anyio.sleep(0.01)
                 ticks += 1
 

@@ -188,6 +188,7 @@ def test_a_shards_part_of_a_scenario_that_has_other_types_is_lost_and_the_scenar
                 found = (await client.get(f"scenarios/{begun['id']}")).json()
                 if found["state"] == "ended":
                     return found
+                # the hub's task runs in this loop
                 await asyncio.sleep(0)
 
     text = "scenario: s\nsteps:\n  - expect: {drive: pump-01, that: not connected, for: 1ms}\n"
