@@ -7,12 +7,18 @@ There is one master on the line: it keeps the token.
 from __future__ import annotations
 
 from collections import Counter, deque
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profibus.master_access import Connection
+from pnfarm.protocols.profibus.master_slaves import (
+    ConnectionMade,
+    ConnectionMissed,
+    DiagnosisRead,
+    SlaveState,
+    Station,
+)
 from pnfarm.protocols.profibus.wire.dp import (
     NO_MASTER,
     Control,
@@ -37,15 +43,11 @@ from pnfarm.protocols.profibus.wire.telegram import (
 from pnfarm.protocols.profibus.wire.timing import SYN_BITS, bits_ns, line_ns, slot_bits
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
+    from pnfarm.protocols.profibus.master_slaves import MasterEvent, SlavePlan
     from pnfarm.protocols.profibus.record_request import RecordRequest
     from pnfarm.protocols.profibus.wire.telegram import Line
 
-__all__ = [
-    "ConnectionMade", "ConnectionMissed", "DiagnosisRead", "Master", "MasterEvent", "MasterSettings", "SlavePlan",
-    "SlaveState", "Station",
-]  # fmt: skip
+__all__ = ["Master", "MasterSettings"]
 
 #: A slave that was never connected is tried again after this time, also where a lost one stays lost.
 RETRY_NS: Final = 1_000_000_000
@@ -69,95 +71,6 @@ class MasterSettings:
     cycle_ns: int = 10_000_000
     min_tsdr_bits: int = 11
     request_timeout_ns: int = 5_000_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class SlavePlan:
-    """What a slave is to be.  ``reconnect_ns``: pause behind a lost slave or a refusal, None: a lost one stays lost."""
-
-    name: str
-    address: int
-    ident: int
-    identifiers: bytes
-    output_octets: int
-    input_octets: int
-    user: bytes = b""
-    watchdog_factors: tuple[int, int] | None = None
-    group: int = 0
-    freeze: bool = False
-    sync: bool = False
-    reconnect_ns: int | None = 1_000_000_000
-    #: How records are asked for: ``class-1`` or ``class-2``.
-    access: str = "class-2"
-
-
-class SlaveState(StrEnum):
-    """States of the master's machine for one slave (8.2)."""
-
-    WAITING = "waiting"
-    DIAGNOSIS = "diagnosis"
-    PARAMETERS = "parameters"
-    CONFIGURATION = "configuration"
-    CHECK = "check"
-    DATA = "data-exchange"
-    STOPPED = "stopped"
-
-
-@dataclass(frozen=True, slots=True)
-class MasterEvent:
-    """Something happened to a slave, named as in its plan."""
-
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
-class ConnectionMade(MasterEvent):
-    """Data are exchanged."""
-
-
-@dataclass(frozen=True, slots=True)
-class ConnectionMissed(MasterEvent):
-    """A slave was lost, or refused what the master wants; ``exchanged``: data had been exchanged."""
-
-    why: str
-    exchanged: bool
-
-
-@dataclass(frozen=True, slots=True)
-class DiagnosisRead(MasterEvent):
-    """A slave in data exchange had another diagnosis than before."""
-
-    diagnosis: Diagnosis
-
-
-@dataclass(slots=True)
-class Station:
-    """One slave as the master knows it."""
-
-    plan: SlavePlan
-    state: SlaveState = SlaveState.DIAGNOSIS
-    outputs: bytes = b""
-    inputs: bytes = b""
-    diagnosis: Diagnosis | None = None
-    wants_diagnosis: bool = False
-    due_ns: int = 0
-    fcb: int = FCB
-    valid_fcb: bool = False
-    diagnoses: int = 0
-    polls: int = 0
-    answers: int = 0
-    retries: int = 0
-    answered_ns: int = 0
-    connects: int = 0
-    losses: int = 0
-    reason: str = ""
-    #: Asked for the outputs of each poll; None: ``outputs`` as they are.
-    source: Callable[[], bytes] | None = None
-    connection: Connection = field(default=None)  # type: ignore[assignment]  # set by the master
-
-    @property
-    def exchanging(self) -> bool:
-        return self.state is SlaveState.DATA and bool(self.inputs or not self.plan.input_octets)
 
 
 @dataclass(slots=True)

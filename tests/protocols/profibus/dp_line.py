@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from pnfarm.protocols.profibus.master import Master, MasterSettings, SlavePlan
+from pnfarm.protocols.profibus.master import Master, MasterSettings
+from pnfarm.protocols.profibus.master_slaves import SlavePlan
 from pnfarm.protocols.profibus.slave import Slave
 from pnfarm.protocols.profibus.slave_user import RecordRefusedError, SlaveOptions
 from pnfarm.protocols.profibus.wire.telegram import emit_telegram, parse_telegram

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from dp_line import IDENT, MS, DpLine
 
-from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, SlaveState
+from pnfarm.protocols.profibus.master_slaves import ConnectionMade, ConnectionMissed, DiagnosisRead, SlaveState
 from pnfarm.protocols.profibus.record_request import RecordRequest
 from pnfarm.protocols.profibus.slave_user import AcyclicClosed, ExchangeBegan, Left, ParametersTaken
 from pnfarm.protocols.profibus.wire.dp import Control, DpState, Parameters, PrmStatus, StationStatus

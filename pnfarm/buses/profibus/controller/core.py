@@ -20,7 +20,8 @@ from pnfarm.buses.profibus.controller.records import RecordJob
 from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.errors import ConfigError, DecodeError
-from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, Master
+from pnfarm.protocols.profibus.master import Master
+from pnfarm.protocols.profibus.master_slaves import ConnectionMade, ConnectionMissed, DiagnosisRead
 from pnfarm.protocols.profibus.record_request import RecordRequest
 from pnfarm.protocols.profibus.wire.dp import StationStatus
 from pnfarm.protocols.profibus.wire.dpv1 import MOST_USER_DATA
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.controller import ControllerHost
     from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.controller.plan import DevicePlan, ProfibusPlan
-    from pnfarm.protocols.profibus.master import MasterEvent
+    from pnfarm.protocols.profibus.master_slaves import MasterEvent
 
 __all__ = ["ProfibusCore"]
 

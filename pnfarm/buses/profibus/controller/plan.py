@@ -13,7 +13,8 @@ from pnfarm.buses.profibus.device.product import Product
 from pnfarm.buses.profibus.gsd_file import load_gsd
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd.station import plug_slave
-from pnfarm.protocols.profibus.master import MasterSettings, SlavePlan
+from pnfarm.protocols.profibus.master import MasterSettings
+from pnfarm.protocols.profibus.master_slaves import SlavePlan
 from pnfarm.protocols.profibus.wire.dp import V1Status1, watchdog_factors
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.regular_file import beside
