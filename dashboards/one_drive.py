@@ -195,7 +195,7 @@ def _drive_motor(board: Board) -> None:
                 (drive("pnfarm_axis_position_revolutions"), "position (PL.FB)"),
                 (drive("pnfarm_axis_following_error_revolutions"), "following error (PL.ERR)"),
             ),
-            "Revolutions since power-on; the following error on the right.",
+            "Revolutions from the home position; the following error on the right.",
             unit="none",
             overrides=[override("following error (PL.ERR)", custom__axisPlacement="right")],
         ),

@@ -208,7 +208,11 @@ class FarmCollector(Collector):
             (drive(f"axis_{name}", "gauge", documentation), column)
             for name, column, documentation in (
                 ("velocity_rpm", "motor.velocity", "Shaft speed of the motor (VL.FB)."),
-                ("position_revolutions", "motor.position", "Shaft position since power-on (PL.FB)."),
+                (
+                    "position_revolutions",
+                    "motor.position",
+                    "Shaft position from the home position; before homing, from power-on (PL.FB).",
+                ),
                 ("current_amperes", "motor.current", "Torque-building current of the motor (IL.FB)."),
                 (
                     "following_error_revolutions",
@@ -346,10 +350,11 @@ class FarmCollector(Collector):
         parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._shard, [1]), (self._info, [1] * count)]
         parts.append((self._axis_info, [1] * len(self._axis_info)))
         powered = axis["powered"] != 0
-        parts += [
-            (family, np.where(powered | column.startswith("motor."), AXIS.read(axis, column), 0).tolist())
-            for family, column in self._axis
-        ]
+        for family, column in self._axis:
+            value = AXIS.read(axis, column)
+            if column == "motor.position":
+                value = value - AXIS.read(axis, "homing.origin")
+            parts.append((family, np.where(powered | column.startswith("motor."), value, 0).tolist()))
         observed = core.columns.observed[:count]
         parts += [
             (

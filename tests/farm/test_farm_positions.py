@@ -10,6 +10,7 @@ from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.farm.views.snapshot import drive_snapshot
+from pnfarm.metrics import FarmCollector
 from pnfarm.table.signals import AKTSATZ, POS_ZSW1, POS_ZSW2, SATZANW, ZSW1
 
 MOVES = "{kind: positions, speed_rpm: 600, acceleration: 20000, targets: [%s], dwell: 50ms, acknowledge_after: 200ms}"
@@ -117,14 +118,15 @@ def test_5_10_1_telegram_7_starts_motion_tasks_of_the_drive_over_frames():
     assert place(line) == pytest.approx(2.0, abs=0.01)
 
 
-def test_the_snapshot_shows_the_position_from_the_home_position():
-    line = line_of(*EVERY[0], targets="4")
+def test_snapshot_and_metrics_show_the_position_from_the_home_position():
+    line = line_of(*EVERY[4], targets="4")
     line.enable()
     run_until(line, lambda: moves(line) == 1)
     line.run(0.04)
-    assert drive_snapshot(line.farm, line.farm.axes[0], line.world.now)["position_revolutions"] == pytest.approx(
-        4.0, abs=0.01
-    )
+    shown = drive_snapshot(line.farm, line.farm.axes[0], line.world.now)["position_revolutions"]
+    (family,) = (one for one in FarmCollector(line.farm).collect() if one.name == "pnfarm_axis_position_revolutions")
+    assert float(line.farm.columns.axis[0].homing.origin) != 0.0
+    assert [shown, family.samples[0].value] == pytest.approx([4.0, 4.0], abs=0.01)
 
 
 def test_a_telegram_without_tasks_is_refused_for_a_program_of_positions():
