@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from cip_tape import MACS, MANAGER, Tape, connect, everything, forward_open
+from cip_tape import IDS, MACS, MANAGER, Tape, connect, everything, forward_open
 from gsdml_examples import ISLAND
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -171,6 +171,11 @@ def taped(folder, item=None, asked=None, refusal=None):
         tape.answer(Service.FORWARD_OPEN, fo.ForwardRefusal(asked.triad).emit(), 1, refusal)
     elif asked is not None:
         connect(tape, asked)
+    return written(tape, folder)
+
+
+def written(tape, folder):
+    """The frames as a file."""
     file = folder / "cell.pcapng"
     writer = PcapngWriter(file)
     interface = writer.add_interface("eth1")
@@ -225,6 +230,18 @@ def test_a_refused_connection_and_why_are_told(pnfarm, tmp_path):
     text = imported(pnfarm, taped(tmp_path, adapter(), forward_open(), refusal=(0x0114,)))
     assert "its connection was refused in the capture" in plain(text)
     assert "0x0114" in text or "product code" in text
+
+
+def test_each_of_two_connections_opened_at_once_has_its_own_answer(pnfarm, tmp_path):
+    tape = Tape()
+    asked = forward_open(t_to_o=fo.NetworkParameters(10)), forward_open(triad=fo.Triad(8, 0x1234, 0x5678))
+    for one in asked:
+        tape.ask(message_request(Service.FORWARD_OPEN, MANAGER, fo.emit_forward_open(one)))
+    tape.answer(Service.FORWARD_OPEN, fo.ForwardRefusal(asked[0].triad).emit(), 1, (0x0117,))
+    tape.answer(Service.FORWARD_OPEN, fo.ForwardOpenReply(*IDS, asked[1].triad, 10_000, 10_000).emit())
+    text = plain(imported(pnfarm, written(tape, tmp_path)))
+    assert "also connected by 10.77.0.1: 70 octets to it every 10 ms, 10 from it" in text
+    assert text.count("refused: ") == 1
 
 
 def test_an_adapter_of_another_vendor_is_listed(pnfarm, tmp_path):

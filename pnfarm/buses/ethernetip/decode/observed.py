@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from pnfarm.protocols.enip.wire.epath import ElectronicKey
-    from pnfarm.protocols.enip.wire.forward_open import ForwardOpen
+    from pnfarm.protocols.enip.wire.forward_open import ForwardOpen, Triad
     from pnfarm.protocols.enip.wire.identity import IdentityItem
 
 __all__ = ["Observed", "SeenAdapter", "SeenOpening"]
@@ -60,7 +60,7 @@ class Observed:
     def __init__(self) -> None:
         self.adapters: Bounded[IPv4Address, SeenAdapter] = Bounded()
         self.openings: Bounded[tuple[IPv4Address, IPv4Address, tuple[int, ...], int, int], SeenOpening] = Bounded()
-        self._current: Bounded[tuple[IPv4Address, IPv4Address], SeenOpening] = Bounded()
+        self._asked: Bounded[tuple[IPv4Address, IPv4Address, Triad], SeenOpening] = Bounded()
 
     def _adapter(self, ip: IPv4Address, mac: bytes) -> SeenAdapter:
         found = self.adapters.get(ip)
@@ -89,10 +89,10 @@ class Observed:
         place = originator, device, points, request.o_to_t.size, request.t_to_o.size
         self.openings.pop(place, None)
         found = SeenOpening(originator, request, points, multiplier)
-        self.openings[place] = self._current[originator, device] = found
+        self.openings[place] = self._asked[originator, device, request.triad] = found
 
-    def answered(self, originator: IPv4Address, device: IPv4Address, refused: str) -> None:
+    def answered(self, originator: IPv4Address, device: IPv4Address, triad: Triad, refused: str) -> None:
         """Its answer; "": it was accepted."""
-        found = self._current.get((originator, device))
+        found = self._asked.get((originator, device, triad))
         if found is not None:
             found.refused = refused

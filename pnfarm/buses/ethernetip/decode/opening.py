@@ -127,12 +127,15 @@ def open_answered(
 ) -> Description:
     """Raises :class:`DecodeError`."""
     refused = reply.status != GeneralStatus.SUCCESS
-    if shared.observed is not None and (request is None or _is_cyclic(request)):
-        told = status_text(reply.status, reply.extended) if refused else ""
-        shared.observed.answered(route.originator, route.device, told)
+    asked = None if request is None else _parsed(request)
     if refused:
+        if shared.observed is not None and asked is not None:
+            why = status_text(reply.status, reply.extended)
+            shared.observed.answered(route.originator, route.device, asked.triad, why)
         return _refused(what, reply)
     found = ForwardOpenReply.parse(reply.data)
+    if shared.observed is not None:
+        shared.observed.answered(route.originator, route.device, found.triad, "")
     text = (
         f"OK, {_triad(found.triad)}; O->T 0x{found.o_to_t_id:08X} API {found.o_to_t_api_us / 1000:g} ms; "
         f"T->O 0x{found.t_to_o_id:08X} API {found.t_to_o_api_us / 1000:g} ms"
@@ -147,11 +150,9 @@ def open_answered(
         "o_to_t": {"connection_id": found.o_to_t_id, "api_seconds": found.o_to_t_api_us / 1e6},
         "t_to_o": {"connection_id": found.t_to_o_id, "api_seconds": found.t_to_o_api_us / 1e6},
     }
-    if request is not None:
-        asked = _parsed(request)
-        if asked is not None:
-            ids = (found.o_to_t_id, found.t_to_o_id)
-            _keep(asked, ids, (found.o_to_t_api_us, found.t_to_o_api_us), route, shared)
+    if asked is not None:
+        ids = (found.o_to_t_id, found.t_to_o_id)
+        _keep(asked, ids, (found.o_to_t_api_us, found.t_to_o_api_us), route, shared)
     return Description(what, text, details, family="cip")
 
 
@@ -160,11 +161,6 @@ def _parsed(request: MessageRequest) -> ForwardOpen | None:
         return parse_forward_open(request.data, large=request.service == Service.LARGE_FORWARD_OPEN)
     except DecodeError:
         return None
-
-
-def _is_cyclic(request: MessageRequest) -> bool:
-    asked = _parsed(request)
-    return asked is not None and asked.transport.transport == 1
 
 
 def _refused(what: str, reply: MessageReply) -> Description:
