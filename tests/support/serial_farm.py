@@ -22,14 +22,14 @@ drives:
 controller:
   name: plc
   cycle: 10ms
-  watchdog: 500ms
+  watchdog: {watchdog}
   program: {{kind: constant, speed_rpm: 300, acknowledge_after: 100ms}}
   reconnect: {{after: 200ms}}
 """
 
 
-def config(way: str, count: int = 4):
-    return parse_farm(FARM.format(number=os.getpid(), way=way, count=count))
+def config(way: str, count: int = 4, watchdog: str = "500ms"):
+    return parse_farm(FARM.format(number=os.getpid(), way=way, count=count, watchdog=watchdog))
 
 
 @asynccontextmanager

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import structlog
 
-from pnfarm.api.access.followed import Followed
+from pnfarm.api.access.watched_files import WatchedFiles
 from pnfarm.errors import ConfigError
 from pnfarm.vocabulary.regular_file import read_regular
 
@@ -64,8 +64,8 @@ class ServerTls:
         self._files = (certificate, key or certificate)
         # of the class: start_tls takes no argument for it
         sslproto.SSLProtocol.max_size = READ_BUFFER
-        self._followed = Followed(self._files, self._load, self._renewed, self._failed)
-        self._loaded = self._followed.first
+        self._watched = WatchedFiles(self._files, self._load, self._renewed, self._failed)
+        self._loaded = self._watched.first
         if (left := self.ends - time.time()) < SOON_SECONDS:
             logger.warning("certificate expires soon", file=str(certificate), days=int(left // 86_400))
 
@@ -79,7 +79,7 @@ class ServerTls:
 
     async def context(self) -> ssl.SSLContext:
         """Of the files as they are now; while these cannot serve, of what was read before."""
-        await self._followed.follow()
+        await self._watched.follow()
         return self._loaded.context
 
     def _renewed(self, loaded: _Loaded) -> None:

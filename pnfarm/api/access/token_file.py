@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 
 import structlog
 
-from pnfarm.api.access.followed import Followed
+from pnfarm.api.access.watched_files import WatchedFiles
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.vocabulary.quoting import shown
 from pnfarm.vocabulary.regular_file import read_regular
@@ -232,7 +232,7 @@ class TokenFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._file = Followed([path], partial(read_tokens, path), self._renewed, self._failed)
+        self._file = WatchedFiles([path], partial(read_tokens, path), self._renewed, self._failed)
         self.holders = self._file.first
 
     async def follow(self) -> None:

@@ -95,7 +95,7 @@ async def test_a_parameter_of_a_station_is_read_and_written_over_a_line_without_
 
 async def test_a_running_controller_is_asked_for_the_parameters_of_its_stations(tmp_path, capsys):
     line = str(tmp_path / "line")
-    whole = config(f"pty: '{line}'", 2)
+    whole = config(f"pty: '{line}'", 2, watchdog="10s")
 
     async def param(*words):
         code = await asyncio.to_thread(main, ["param", *words, "--line", line])
@@ -106,7 +106,7 @@ async def test_a_running_controller_is_asked_for_the_parameters_of_its_stations(
         await until(lambda: plc.core.all_connected)
         at_once = [param("set", "12", "P-1256", "2"), param("get", "11", "922"), param("get", "12", "918")]
         told = await asyncio.gather(*at_once)
-        assert [code for code, _ in told] == [0, 0, 0]
+        assert [code for code, _ in told] == [0, 0, 0], told
         assert [station.store.get("P-1256") for station in farm.core.axes] == [0, 2]
         assert await param("get", "12", "1256") == (0, f"axis-02 1256.0 {PLC_MODE} = 2\n")
         assert await param("get", "40", "918") == (

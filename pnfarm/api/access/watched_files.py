@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-__all__ = ["Followed"]
+__all__ = ["WatchedFiles"]
 
 #: How long somebody waits for the disk of such a file; then the file is one that cannot be read.
 WAIT_SECONDS = 1.0
@@ -25,7 +25,7 @@ _T = TypeVar("_T")
 _Stamp = tuple[int, int, int] | None
 
 
-class Followed(Generic[_T]):
+class WatchedFiles(Generic[_T]):
     """``read`` raises :class:`ConfigError`, from here, too.
 
     ``renewed`` is called with what was read later, ``failed`` with why it could not be, once for each reason.
