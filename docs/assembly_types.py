@@ -48,7 +48,7 @@ def _modes(kind: MessageType) -> str:
 
 
 def _types(kinds: Iterable[MessageType], *, modes: bool) -> list[str]:
-    """One row for each datum, behind that of its type."""
+    """One row for each datum, after that of its type."""
     heads = ["number", "name", "what it does", *(["modes"] if modes else []), "octets", "type", "unit", "meaning"]
     found = [_row(*heads, "source"), "|" + "---|" * (len(heads) + 1)]
     for kind in kinds:

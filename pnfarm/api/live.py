@@ -74,7 +74,7 @@ async def page_stream(
 ) -> AsyncGenerator[bytes]:
     """Messages until the client goes or the API stops; without ``follow`` one of each event.
 
-    Without a ``log`` the client gets what it chose, and no overview; its entries are those behind ``begin``, an id of
+    Without a ``log`` the client gets what it chose, and no overview; its entries are those after ``begin``, an id of
     an earlier stream, or those from now on.
     """
     wake = anyio.Event()

@@ -302,6 +302,6 @@ def settled_floor(
     ring: bool = False,
     parent: bool = False,
 ) -> list[dict[str, Any]]:
-    """What the loop in the farm's place counted in each window.  Usually it runs before the farm and behind it."""
+    """What the loop in the farm's place counted in each window.  Usually it runs before the farm and after it."""
     with wire(), floor_ends(drives, groups, period_ns, packet, ring=ring, parent=parent) as (farm, peer):
         return measure(farm, peer, seconds, load, windows)[0]

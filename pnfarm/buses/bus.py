@@ -289,7 +289,7 @@ class LineBus(Protocol):
         """Rates that its lines may have, bit/s."""
 
     def longest_reply_ns(self, baud: int) -> int:
-        """How late an answer may begin behind the last bit of its request."""
+        """How late an answer may begin after the last bit of its request."""
 
     def splitter(self, baud: int) -> LineSplitter:
         """For one end of a line of this rate, bit/s."""

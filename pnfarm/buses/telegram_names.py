@@ -16,13 +16,13 @@ _CLASS = re.compile(r"\bI?RT\b|isochron|taktsynchron", re.IGNORECASE)
 
 
 def numbers_in(words: str) -> set[int]:
-    """Numbers that a module's name gives its telegram: behind a word for it, else any."""
+    """Numbers that a module's name gives its telegram: after a word for it, else any."""
     found = _NUMBERED.findall(words) or _ANY_NUMBER.findall(words)
     return {int(number) for number in found if len(number) < 6}
 
 
 def is_numbered(words: str) -> bool:
-    """Whether a word for a telegram has a number behind it."""
+    """Whether a word for a telegram has a number after it."""
     return _NUMBERED.search(words) is not None
 
 

@@ -25,7 +25,7 @@ _FRAGMENTED = 64
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """One frame: its addresses, and ``payload`` behind the EtherType, any VLAN tag taken off.
+    """One frame: its addresses, and ``payload`` after the EtherType, any VLAN tag taken off.
 
     ``cut`` octets of it are not in the capture.
     """

@@ -72,7 +72,7 @@ def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]
 
 
 def complete_signal(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
-    """Devices and models of the plant of the running farm; behind one of them and a dot its signals."""
+    """Devices and models of the plant of the running farm; after one of them and a dot its signals."""
 
     def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
         known = {one["name"]: str(one["description"] or one["bus"]) for one in farm.get("devices")["devices"]}

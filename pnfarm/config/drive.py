@@ -30,7 +30,7 @@ MAX_DRIVES = 4094
 #: Most axes of one drive: the telegrams of so many fit into a frame.
 MAX_AXES = 12
 
-#: Behind a drive's name.
+#: After a drive's name.
 AxisName = Annotated[str, Field(pattern=r"^[a-z0-9]([a-z0-9-]*[a-z0-9])?$", max_length=30)]
 
 Identity = Annotated[
@@ -99,7 +99,7 @@ class DriveGroup(DescribedSection):
 class AxisGroup(Section):
     """One axis of a drive that has several; what it leaves out is as the drive has it."""
 
-    name: AxisName = Field(description="Its name behind the drive's and a dot: x in feeder.x.")
+    name: AxisName = Field(description="Its name after the drive's and a dot: x in feeder.x.")
     load: Load | None = Field(default=None, description="As of the drive.")
     motor: Motor | None = Field(default=None, description="As of the drive; of the same kind.")
     machine: Machine | None = Field(default=None, description="As of the drive.")
@@ -116,7 +116,7 @@ class AxisConfig:
     """One axis of a drive that has several.
 
     ``name`` is the whole name, with the drive's; ``telegram`` None is the model's default, ``supplementary`` none, and
-    ``slot`` None the one behind the axis before.
+    ``slot`` None the one after the axis before.
     """
 
     name: str

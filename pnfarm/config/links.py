@@ -61,7 +61,7 @@ class LineWay(Section):
     )
     latest_answer: Literal["auto", "tsdr", "any"] | Duration = Field(
         default="auto",
-        description="A drive's answer that would begin later behind its request is withheld and counted. `tsdr`: what "
+        description="A drive's answer that would begin later after its request is withheld and counted. `tsdr`: what "
         "the bus permits at this rate; `any`: none is withheld. `auto`: `tsdr` on a port up to 1.5 Mbit/s and on a "
         "pty up to 500 kbit/s, otherwise `any`.",
         examples=["auto", "5ms"],

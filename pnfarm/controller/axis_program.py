@@ -62,7 +62,7 @@ class Line:
             device.take()
 
     def give(self) -> None:
-        """Called by the controller, behind the programs: what they wrote is sent."""
+        """Called by the controller, after the programs: what they wrote is sent."""
         for device in list(self._used.values()):
             device.give()
 

@@ -6,7 +6,7 @@
     if self.answer.done and not self.answer.failure:
         ...
 
-The controller begins it behind the programs of the cycle, so that only the program's own thread is in the program.
+The controller begins it after the programs of the cycle, so that only the program's own thread is in the program.
 """
 
 from __future__ import annotations

@@ -91,7 +91,7 @@ class MotionTasks:
         self._new = self._given
 
     def power_on(self) -> None:
-        """Add the given tasks, once: behind that, what the drive saved in their place holds."""
+        """Add the given tasks, once: after that, what the drive saved in their place holds."""
         if self._numbers is not None:
             for number, task in self._new.items():
                 self._values.tasks[number] = self._raw(task, self._numbers)

@@ -113,7 +113,7 @@ def allocate(
 ) -> Columns:
     """A zeroed table.
 
-    ``images``: process images, one for each axis and one for each station without, behind them; ``axes`` and
+    ``images``: process images, one for each axis and one for each station without, after them; ``axes`` and
     ``programs`` (both index images), ``channels`` providers and as many consumers, ``impairments`` rows for faults,
     ``plain`` stations with plain data, which have so many ``pieces`` in frames, with ``traces`` the room for these and
     for conditions of injections.

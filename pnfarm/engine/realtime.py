@@ -29,7 +29,7 @@ __all__ = ["RealTimeEngine", "RealTimeSettings", "run_loop"]
 
 #: Batches taken in one tick at most, so that a flood cannot keep the engine from sending.
 MAX_BATCHES = 16
-#: Added to a stamp, it lies behind every time of the engine.
+#: Added to a stamp, it lies after every time of the engine.
 FAR_FUTURE = 1 << 62
 #: How often :meth:`RealTimeEngine.stop` waits for the thread, and for how long each time.
 STOP_WAITS, STOP_SECONDS = 50, 0.1
@@ -116,7 +116,7 @@ class RealTimeSettings:
 
     cpu: int | None = None
     #: Of SCHED_FIFO; 0 is the ordinary scheduler, which also serves where the kernel refuses this.  The lowest one goes
-    #: before all that is not real time, and behind the kernel's threads for interrupts.
+    #: before all that is not real time, and after the kernel's threads for interrupts.
     fifo_priority: int = 1
     lock_memory: bool = False
     timer_slack_ns: int | None = 1

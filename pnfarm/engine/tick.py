@@ -149,7 +149,7 @@ def _release_received(columns: Columns, until: int) -> None:
 def _release_sent(
     engine: Any, held: Any, order: Any, impairments: Any, tx_row: Any, store: int, now: int, count: int
 ) -> int:
-    """Send the held frames that are due, behind the ``count`` frames in ``tx_row``; the new count."""
+    """Send the held frames that are due, after the ``count`` frames in ``tx_row``; the new count."""
     while engine.held_out > 0 and count < tx_row.shape[0] and held[order[0]].due_ns <= now:
         slot = take_first(held, order, int(engine.held_out), impairments)
         engine.held_out -= 1

@@ -116,7 +116,7 @@ def _take_sample(
     if now - trace.next_ns >= trace.interval_ns:
         trace.missed += (now - trace.next_ns) // trace.interval_ns
     trace.next_ns = now - now % trace.interval_ns + trace.interval_ns
-    # behind the values, so that a reader finds only whole samples below it
+    # after the values, so that a reader finds only whole samples below it
     trace.head += 1
 
 

@@ -276,7 +276,7 @@ class FarmCore:
     def _make_device(
         self, config: DeviceConfig, row: int, port: Port, services: DeviceServices, memory: NonVolatile
     ) -> Station:
-        """A device, whose process image is behind those of all axes."""
+        """A device, whose process image is after those of all axes."""
         index = len(self.axes) + row
         return Station(
             config,

@@ -80,7 +80,7 @@ class EngineEvents:
             if station is not None:
                 touched[station.index] = station
         if lost:
-            # behind the reports that are left: these tell of faults, too
+            # after the reports that are left: these tell of faults, too
             for axis in self._axes:
                 for number in axis.catch_up(now):
                     self._log.record(now, axis.configured_name, FaultRaised(number))

@@ -70,7 +70,7 @@ class VirtualWorld:
         self.clock = VirtualClock(begin_ns)
         self.switch = MemorySwitch()
         self._nodes: list[Node] = []
-        #: All that has deadlines, in the order of their service: the nodes, and the users' programs behind them.
+        #: All that has deadlines, in the order of their service: the nodes, and the users' programs after them.
         self._parts: list[Serviced] = []
         self._dues: list[int | None] = []
         #: For each node: its table, and the field that counts its events.

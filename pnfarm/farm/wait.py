@@ -6,7 +6,7 @@ from pnfarm.errors import PnfarmError
 
 __all__ = ["NotInTime", "require_in_time"]
 
-#: Between two looks of who waits, if nothing else is said: what is seen so long behind its time was not in time.
+#: Between two looks of who waits, if nothing else is said: what is seen so long after its time was not in time.
 LOOK_NS = 20_000_000
 
 

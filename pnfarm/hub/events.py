@@ -61,5 +61,5 @@ class Reader:
 
 
 def event_stream(hub: Hub, begin: str | None, drive: str | None, *, follow: bool = True) -> AsyncIterator[str]:
-    """Messages for every entry behind ``begin``, of one drive or of all."""
+    """Messages for every entry after ``begin``, of one drive or of all."""
     return log_stream(hub, hub.log, Reader(hub.log, begin, drive), follow=follow)

@@ -89,7 +89,7 @@ def passed_on(answer: Answer) -> Response:
 
 @cache
 def _renaming() -> frozenset[str]:
-    """Events behind which stations may have other names; those of buses are known once their paths were declared."""
+    """Events after which stations may have other names; those of buses are known once their paths were declared."""
     return texts_of((StationRenamed, StateRestored))
 
 

@@ -53,7 +53,7 @@ class MergedLog:
     def __init__(self) -> None:
         self._kept: deque[HubEntry] = deque()
         self._waiting: list[tuple[int, int, str, int, int, Mapping[str, Any]]] = []
-        #: The time behind which the next entry of each origin comes.
+        #: The time after which the next entry of each origin comes.
         self._behind: dict[str, int] = {}
         self._order = count()
         self._sequence = 0
@@ -109,7 +109,7 @@ class MergedLog:
         return self._sequence
 
     def entries(self, *, after: int = 0, most: int | None = None) -> list[HubEntry]:
-        """Oldest first, behind this sequence number."""
+        """Oldest first, after this sequence number."""
         if not self._kept:
             return []
         start = max(0, after - self._kept[0].sequence + 1)
@@ -117,7 +117,7 @@ class MergedLog:
         return [self._kept[place] for place in range(start, stop)]
 
     def position(self, sequence: int) -> dict[str, int]:
-        """The position behind this entry."""
+        """The position after this entry."""
         found = dict(self._dropped)
         for entry in self._kept:
             if entry.sequence > sequence:
@@ -126,7 +126,7 @@ class MergedLog:
         return found
 
     def lost(self, position: Mapping[str, int]) -> int:
-        """How many entries behind a position are no longer kept."""
+        """How many entries after a position are no longer kept."""
         return sum(
             max(0, self._dropped[origin] - number) for origin, number in position.items() if origin in self._dropped
         )

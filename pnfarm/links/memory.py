@@ -109,7 +109,7 @@ class _Line:
             self.under_way.append((due, other, _garbled(garbled)))
             octets = _garbled(octets)
         elif self._last not in {0, port}:
-            # an answer begins no sooner than that behind its request
+            # an answer begins no sooner than that after its request
             begin = max(now, self._free_ns + self.TURN_BITS * 1_000_000_000 // self.baud)
             mine.replies.add(begin - self._free_ns)
         end = max(self._free_ns, begin + len(octets) * self.BITS * 1_000_000_000 // self.baud)
@@ -189,7 +189,7 @@ class MemorySwitch:
         return socket is not None and socket.carrier
 
     def _post(self, port_index: int, action: Callable[[int], None], now: int) -> None:
-        """Call ``action`` when what is sent now arrives, behind everything sent before."""
+        """Call ``action`` when what is sent now arrives, after everything sent before."""
         self._under_way.append((now + self._latency_ns, port_index, action))
 
     def join(self, port_index: int, group: bytes) -> None:

@@ -1,6 +1,6 @@
 """The plant of a farm file, checked: its models with their ports, and where each wire begins and ends.
 
-Every port has the number of its value; the signals of stations that wires read have theirs behind the ports, and the
+Every port has the number of its value; the signals of stations that wires read have theirs after the ports, and the
 ends of wires at stations come last.
 """
 

@@ -46,7 +46,7 @@ class _Kept:
 
 
 class _Largest:
-    """The largest one since any time: each that is kept is larger than all behind it."""
+    """The largest one since any time: each that is kept is larger than all after it."""
 
     def __init__(self, size: Callable[[_Kept], float]) -> None:
         self._size = size
@@ -62,7 +62,7 @@ class _Largest:
             self._kept.appendleft(replace(first, begin=second.begin))
 
     def since(self, begin: int, last: _Kept) -> Lateness:
-        """The largest one that lies behind ``begin``, ``last`` included."""
+        """The largest one that lies after ``begin``, ``last`` included."""
         found = next((kept for kept in self._kept if kept.begin >= begin), last)
         return max(found, last, key=self._size).own
 

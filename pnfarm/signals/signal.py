@@ -49,7 +49,7 @@ class Signal:
 
     @property
     def end(self) -> int:
-        """The octet behind its last one."""
+        """The octet after its last one."""
         return self.octet + self.type.octets
 
     @property
@@ -226,7 +226,7 @@ def place_signal(
         other = output_octets if direction == "input" else input_octets
         hint = f"; it has {other} octets of {'output' if direction == 'input' else 'input'}s" if other else ""
         raise Problem(
-            f"slot {slot}, subslot {subslot} has {octets} octets of {direction}s, {place.text} ends behind them" + hint,
+            f"slot {slot}, subslot {subslot} has {octets} octets of {direction}s, {place.text} ends after them" + hint,
             f"octets 0 to {octets - kind.octets}" if octets >= kind.octets else "a submodule with data",
         )
     return signal

@@ -182,4 +182,4 @@ class SocketDevice(Protocol):
         """A stream was opened, brought octets or is closed, or a datagram came; none from before the last boot."""
 
     def pump_sockets(self, now: int) -> list[SocketAction]:
-        """What to send and to close, behind the frames of :meth:`Device.pump`."""
+        """What to send and to close, after the frames of :meth:`Device.pump`."""

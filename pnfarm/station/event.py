@@ -71,7 +71,7 @@ class Event:
     def details(self) -> dict[str, Any]:
         """Plain JSON values."""
         found: dict[str, Any] = {}
-        # what stands behind a subclass's own fields
+        # what stands after a subclass's own fields
         for one in sorted(fields(self), key=lambda one: one.kw_only is True):
             show, value = one.metadata.get("show", plain), getattr(self, one.name)
             if show is None or not (value or one.metadata.get("always", True)):

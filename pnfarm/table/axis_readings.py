@@ -26,7 +26,7 @@ BOTH_FIRST_SPEED = 1  # as STW1.8 alone
 BOTH_KEEP = 2  # as the bit that came first, alone
 
 # Bits of ZSW1 that compare a speed (``profidrive.speed_error_bit``, ``profidrive.speed_reached_bit``).
-SPEED_ERROR_OF_RAMP = 0  # against the speed behind the ramp generator
+SPEED_ERROR_OF_RAMP = 0  # against the speed after the ramp generator
 SPEED_ERROR_OF_SETPOINT = 1  # against the controller's set point
 SPEED_REACHED_WINDOW = 0  # within the window around the set point
 SPEED_REACHED_OR_EXCEEDED = 1  # or beyond it

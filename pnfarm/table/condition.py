@@ -1,6 +1,6 @@
 """Conditions that the engine watches for injections that wait: ``velocity > 1000 and zsw1.operation_enabled``.
 
-A *condition* is a row, and a part of the table of its *operations*, in an order in which each stands behind those that
+A *condition* is a row, and a part of the table of its *operations*, in an order in which each stands after those that
 it combines; the last one is the condition.  An operation's value is a number of double precision, yes is 1.
 """
 
@@ -36,7 +36,7 @@ CONDITION = Layout(
         Field("active", "u1", "", "fault", "set last when a row is ready, cleared first when it goes"),
         Field("first_op", "i4", "", "fault", "first row of its operations"),
         Field("ops", "i4", "", "fault", "number of those"),
-        Field("serial", "i8", "", "fault", "which condition this is, of all so far; written behind all else"),
+        Field("serial", "i8", "", "fault", "which condition this is, of all so far; written after all else"),
         Field("reported", "i8", "", "engine", "serial number of the last one in this row that held"),
     ],
 )

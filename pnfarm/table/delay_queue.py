@@ -1,6 +1,6 @@
 """The store of cyclic frames that impairments hold: delayed ones, copies, changed ones.
 
-The octets of slot *i* are in the row of the frame store behind the providers' rows: ``channels + i``.  The first half
+The octets of slot *i* are in the row of the frame store after the providers' rows: ``channels + i``.  The first half
 of the slots is for frames on their way out, the second for those on their way in.
 """
 

@@ -23,9 +23,9 @@ LENGTH = 9  # IO data longer by ``amount`` octets
 COUNT_FREEZE = 10  # a count from 1 to 15 in bits 12..15 of the word ``slot`` stands
 COUNT_SKIP = 11  # such a count skips ``amount`` counts
 DELAY = 12  # later by ``delay_ns`` and up to ``jitter_ns`` more
-DUPLICATE = 13  # ``amount`` copies behind it
-REORDER = 14  # behind the ``amount`` frames that follow
-CORRUPT = 15  # ``amount`` bits inverted, with ``whole`` also in the addresses, with ``mends`` behind the checksums
+DUPLICATE = 13  # ``amount`` copies after it
+REORDER = 14  # after the ``amount`` frames that follow
+CORRUPT = 15  # ``amount`` bits inverted, with ``whole`` also in the addresses, with ``mends`` after the checksums
 THROTTLE = 16  # ``octet_ns`` for each octet; more than ``delay_ns`` of waiting: dropped
 LATE = 17  # later by ``delay_ns``; what is due in the meantime is not sent
 
@@ -64,7 +64,7 @@ IMPAIRMENT = Layout(
         Field("hit_bad", "u4", "1/2^32", "fault", "probability of an activation in the bad state"),
         Field("amount", "i4", "", "fault", "how much: copies, frames, bits, octets, counts; by the kind"),
         Field("whole", "u1", "", "fault", "by the kind"),
-        Field("mends", "u1", "", "fault", "1 = the checksums of IPv4 and UDP are right again behind the change"),
+        Field("mends", "u1", "", "fault", "1 = the checksums of IPv4 and UDP are right again after the change"),
         Field("slot", "u1", "", "fault", "signal whose word is changed"),
         Field("delay_ns", "i8", "ns", "fault", "delay, or longest wait"),
         Field("jitter_ns", "i8", "ns", "fault", "random delay on top, below this"),
@@ -80,7 +80,7 @@ IMPAIRMENT = Layout(
         Field("random", "u8", "", "engine", "state of the generator; the station seeds it before linking"),
         Field("left", "u4", "frames", "engine", "frames left of the present burst; 1 = bad state of Gilbert-Elliott"),
         Field("kept", "i8", "", "engine", "a frozen count, -1 = none yet; counts that were skipped"),
-        Field("free_ns", "i8", "ns", "engine", "until then frames wait behind an earlier one"),
+        Field("free_ns", "i8", "ns", "engine", "until then frames wait after an earlier one"),
         Field("waiting", "i4", "frames", "engine", "frames that it holds"),
         Field("overflows", "i8", "frames", "engine", "frames lost because the store was full"),
         Field("checks", "i8", "frames", "engine", "frames checked"),

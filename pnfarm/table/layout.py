@@ -148,7 +148,7 @@ class Layout:
 
 
 def _of_whole_cache_lines(kind: np.dtype[Any]) -> np.dtype[Any]:
-    """The record with room behind it up to the next cache line."""
+    """The record with room after it up to the next cache line."""
     names, by_name = kind.names or (), dict(kind.fields or {})
     fields = [by_name[name] for name in names]
     return np.dtype(

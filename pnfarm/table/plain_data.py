@@ -2,8 +2,8 @@
 
 A row's octets are two halves in the memory that all rows of a direction share (:class:`PlainRows`): a device with few
 octets takes no more of it.  The row's writer fills one half while readers use the other, and then counts ``sequence``,
-whose lowest bit says which half is in force.  A reader that finds another number behind its copy than before it copies
-again, so that nobody sees half of a change.  Behind the octets of data each half has one provider status for each
+whose lowest bit says which half is in force.  A reader that finds another number after its copy than before it copies
+again, so that nobody sees half of a change.  After the octets of data each half has one provider status for each
 submodule.
 
 A channel copies *pieces*: the data of one submodule, from or to its place in the frame.

@@ -43,7 +43,7 @@ WIRE = Layout(
         Field("source", "i4", "", "station", "number of the value that is read"),
         Field("target", "i4", "", "station", "number of the value that is written"),
         Field("scale", "f8", "", "station", "factor"),
-        Field("offset", "f8", "", "station", "added behind it"),
+        Field("offset", "f8", "", "station", "added after it"),
     ],
 )
 

@@ -163,7 +163,7 @@ class FarmClient:
     def entries(
         self, drive: str | None = None, *, follow: bool = True, after: str = "0"
     ) -> Iterator[tuple[str, dict[str, Any]]]:
-        """As :meth:`events`, each with its position; those behind the position ``after``."""
+        """As :meth:`events`, each with its position; those after the position ``after``."""
         chosen = {"drive": drive} if drive else {}
         if not follow:
             chosen["follow"] = "false"

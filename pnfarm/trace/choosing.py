@@ -137,7 +137,7 @@ class TracedStations:
             watched = [one for one in self.by_name.values() if means(trigger.on, one.names, one.kinds)]
             if not watched:
                 what = f"no drive matches {shown(trigger.on)}{did_you_mean(trigger.on, self.by_name)}"
-                raise TraceError([("trigger", what, "a drive, a device, a model or a glob behind `on`")])
+                raise TraceError([("trigger", what, "a drive, a device, a model or a glob after `on`")])
         if isinstance(trigger, EventTrigger):
             if all(one.what == "model" for one in watched):
                 what = f"{watched[0].name} is a model of the plant, which has no event {trigger.event}"
@@ -147,7 +147,7 @@ class TracedStations:
             return [], 0.0, None, watched
         if trigger.on and split_name(trigger.signal)[0] in self._named:
             what = f"{shown(trigger.text)} names two stations"
-            raise TraceError([("trigger", what, "the device or the model before the signal, or behind `on`")])
+            raise TraceError([("trigger", what, "the device or the model before the signal, or after `on`")])
         with _error_of("trigger"):
             signals = self._signals([trigger.signal], watched)
         levels = {_level(trigger, signal, one) for one, signal in signals}

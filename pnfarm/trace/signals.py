@@ -145,7 +145,7 @@ OF_IMAGE: Mapping[str, TraceSignal] = {
 #: Signals of every drive.
 _ALWAYS: tuple[TraceSignal, ...] = (
     _of_axis("setpoint", "rpm", "velocity that the controller requests", "ramp.setpoint", aliases=("set_velocity",)),
-    _of_axis("command", "rpm", "velocity command behind the ramp", "ramp.command"),
+    _of_axis("command", "rpm", "velocity command after the ramp", "ramp.command"),
     _of_axis("velocity", "rpm", "actual velocity of the shaft", "motor.velocity", aliases=("actual_velocity",)),
     _of_axis(
         "position", "revolutions", "actual position, from the home position on", "motor.position", less="homing.origin"

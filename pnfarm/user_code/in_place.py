@@ -49,7 +49,7 @@ class InPlace:
         """Make the call."""
         watch = self._watch
         if watch is None or not watch.is_alive:
-            # not alive behind a fork
+            # not alive after a fork
             signal.signal(SIGNAL, _take_signal)
             watch = self._watch = Watch(partial(self._end, threading.get_ident()), "pnfarm calls")
         watch.limit_ns = limit_ns

@@ -17,7 +17,7 @@ __all__ = ["in_unit", "show_quantity"]
 
 #: Significant digits that people read, and those that tell any two numbers apart.
 _FEW, _ALL = 4, 17
-#: Units that are no words behind a number: a ratio, a count.
+#: Units that are no words after a number: a ratio, a count.
 _BARE = frozenset({"", "1"})
 #: Units of numbers: unit of the signal -> unit as written -> factor.
 _UNITS: Mapping[str, Mapping[str, float]] = {

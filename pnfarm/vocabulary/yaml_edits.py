@@ -90,7 +90,7 @@ class YamlEditor:
         self._held[id(holder)][name] = _canonical(new.plain)
 
     def add(self, holder: Node, name: str, new: Part, after: str | None, *, first: bool = False) -> None:
-        """Add a part behind that of the name ``after``; without one at the end, or as the first."""
+        """Add a part after that of the name ``after``; without one at the end, or as the first."""
         there = self.parts(holder)
         if holder.shared:
             raise UneditableError(holder.line, "it is also elsewhere, or has values of elsewhere, by an anchor")
@@ -122,7 +122,7 @@ class YamlEditor:
         self._edit(at, at, newline + lines if at and self.text[at - 1] != "\n" else lines + newline)
 
     def _below(self, part: Part) -> int:
-        """Where the next line begins behind a part and the comments that are further to the right than it."""
+        """Where the next line begins after a part and the comments that are further to the right than it."""
         at = next_line(self.text, part.start + len(part.own.rstrip()))
         while (found := COMMENT.match(self.text, at)) and found.end() - 1 - at > part.column:
             at = next_line(self.text, at)
@@ -162,7 +162,7 @@ class YamlEditor:
         return list(found.items())
 
     def _lines(self, part: Part) -> tuple[int, int]:
-        """The lines of a part in block style; a comment behind it stays."""
+        """The lines of a part in block style; a comment after it stays."""
         begin = self._begin(part)
         end = part.start + len(part.own.rstrip())
         below = next_line(self.text, end)

@@ -110,7 +110,7 @@ def line_start(text: str, at: int) -> int:
 
 
 def next_line(text: str, at: int) -> int:
-    """Where the line behind that of ``at`` begins; the text's end, if there is none."""
+    """Where the line after that of ``at`` begins; the text's end, if there is none."""
     return text.find("\n", at) + 1 or len(text)
 
 

@@ -87,7 +87,7 @@ class StreamData:
 
 @dataclass(frozen=True, slots=True)
 class StreamEnd:
-    """Close a stream behind the octets given so far."""
+    """Close a stream after the octets given so far."""
 
     stream: int
 

@@ -147,7 +147,7 @@ class _Outside:
 
 @dataclass(frozen=True)
 class Length(Codec):
-    """Octets behind a number of this ``form``, which counts ``unit`` octets; padding up to ``even`` octets follows."""
+    """Octets after a number of this ``form``, which counts ``unit`` octets; padding up to ``even`` octets follows."""
 
     form: str = "H"
     unit: int = 1
@@ -171,7 +171,7 @@ class Count:
     """How many items: as a number of this form says, as a function of the fields before, or (None) up to the end."""
 
     number: str | Callable[[Mapping[str, Any]], int] | None = "H"
-    #: Padding behind the number.
+    #: Padding after the number.
     align: Align | None = None
 
     def read(self, r: Reader, values: Mapping[str, Any]) -> int | None:
@@ -562,11 +562,11 @@ Mac: TypeAlias = Annotated[bytes, Fixed("6s", None, _mac_octets)]
 #: Addresses of one network come again and again.
 Ip: TypeAlias = Annotated[IPv4Address, Fixed("I", lru_cache(4096)(IPv4Address), int)]
 Uuid: TypeAlias = Annotated[UUID, _UUIDS]
-#: Octets behind their number, and all octets up to the end.
+#: Octets after their number, and all octets up to the end.
 Octets8: TypeAlias = Annotated[bytes, Length("B")]
 Octets16: TypeAlias = Annotated[bytes, Length("H")]
 Rest: TypeAlias = Annotated[bytes, RestBut(0)]
-#: Items behind their number, and all items up to the end.
+#: Items after their number, and all items up to the end.
 List8: TypeAlias = Annotated[tuple[T, ...], Count("B")]
 List16: TypeAlias = Annotated[tuple[T, ...], Count("H")]
 ListOfRest: TypeAlias = Annotated[tuple[T, ...], Count(None)]

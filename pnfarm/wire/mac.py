@@ -61,5 +61,5 @@ def is_group(mac: bytes) -> bool:
 
 
 def multicast_mac(group: IPv4Address) -> bytes:
-    """The address of an IPv4 multicast group (RFC 1112, 6.4): its lower 23 bits behind 01:00:5E."""
+    """The address of an IPv4 multicast group (RFC 1112, 6.4): its lower 23 bits after 01:00:5E."""
     return bytes.fromhex("01005e") + (int(group) & 0x7FFFFF).to_bytes(3, "big")

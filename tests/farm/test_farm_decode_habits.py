@@ -120,7 +120,7 @@ def test_a_wrong_length_keeps_the_blocks_before_it(start_up):
         for kind, frame in start_up
     ]
     (line,) = [line for line in in_words(frames) if line.startswith("Connect.res")]
-    assert line.startswith("Connect.res OK, input frame id 0x8000, output frame id 0x8001; malformed behind 4 blocks: ")
+    assert line.startswith("Connect.res OK, input frame id 0x8000, output frame id 0x8001; malformed after 4 blocks: ")
 
 
 def udp(source_port: int, destination_port: int, data: bytes, *, fragment: int = 0, part: bytes | None = None):

@@ -246,11 +246,11 @@ def test_a_place_is_an_input_where_the_submodule_has_inputs():
     ("place", "sizes", "sentence"),
     [
         ({"at": "1.1.8.0"}, (8, 0),
-         "slot 1, subslot 1 has 8 octets of inputs, 1.1.8.0 ends behind them; allowed: octets 0 to 7"),
+         "slot 1, subslot 1 has 8 octets of inputs, 1.1.8.0 ends after them; allowed: octets 0 to 7"),
         ({"at": "3.1.7", "type": "int16"}, (8, 0),
-         "slot 3, subslot 1 has 8 octets of inputs, 3.1.7 ends behind them; allowed: octets 0 to 6"),
+         "slot 3, subslot 1 has 8 octets of inputs, 3.1.7 ends after them; allowed: octets 0 to 6"),
         ({"at": "3.1.0", "direction": "output"}, (8, 0),
-         ("slot 3, subslot 1 has 0 octets of outputs, 3.1.0 ends behind them; it has 8 octets of inputs; "
+         ("slot 3, subslot 1 has 0 octets of outputs, 3.1.0 ends after them; it has 8 octets of inputs; "
           "allowed: a submodule with data")),
     ],
 )  # fmt: skip

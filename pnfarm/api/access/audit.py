@@ -97,7 +97,7 @@ class AuditLog:
         self._owed: list[dict[str, Any]] = []
         #: Held while a thread writes, also when nobody waits for it any more.
         self._lock = asyncio.Lock()
-        #: Part of a line is behind the last record.
+        #: Part of a line is after the last record.
         self._half = False
         was_there = path.exists()
         self._made = not was_there
@@ -425,7 +425,7 @@ def _cut(text: str) -> str:
 
 
 def _again(body: bytes, receive: Receive) -> Receive:
-    """The body that was read, then what comes behind it."""
+    """The body that was read, then what comes after it."""
     is_read = False
 
     async def receive_again() -> Message:

@@ -45,7 +45,7 @@ class Findings:
 
 
 class _Reading:
-    """What is known behind each line."""
+    """What is known after each line."""
 
     def __init__(self) -> None:
         self.found = Findings()
@@ -57,12 +57,12 @@ class _Reading:
         self.noted: dict[str, Any] = {}
 
     def line(self, place: str, line: bytes, *, begins: bool) -> None:
-        """``begins``: it is the first one of a file behind another one."""
+        """``begins``: it is the first one of a file after another one."""
         record = _record(line)
         how = None if record is None else record.get("found")
         is_moved = begins and how == "missing" and record is not None and record.get("noted") == self.noted
         if self.torn:
-            # a run that begins behind half a line says so
+            # a run that begins after half a line says so
             self.found.add(
                 self.found.notes if is_moved or how == "torn" else self.found.wrong, self.torn, "it is not a record"
             )
@@ -82,7 +82,7 @@ class _Reading:
             what = "it does not follow from the line before: one was changed, added or taken out"
             found.add(found.wrong, place, what)
         if record["sequence"] != found.sequence + 1:
-            found.add(found.wrong, place, f"it has number {record['sequence']} behind {found.sequence}")
+            found.add(found.wrong, place, f"it has number {record['sequence']} after {found.sequence}")
         if record["time"] < found.last_time:
             found.add(found.notes, place, f"its time is before that of the line before, {found.last_time}")
         match record["record"]:

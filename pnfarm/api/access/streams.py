@@ -68,7 +68,7 @@ class Streams:
         if own.cancelled_caught and not begun:
             await refuse(scope, receive, send, sentence)
         elif own.cancelled_caught and not ended:
-            # its client may ask again, as behind each end of a stream
+            # its client may ask again, as after each end of a stream
             await send({"type": "http.response.body", "body": b""})
 
     def _to_give_up(self, newcomer: _Client) -> anyio.CancelScope | None:

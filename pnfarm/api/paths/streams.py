@@ -52,7 +52,7 @@ class StreamsHost(Protocol):
     """Who has the streams.  Raises :class:`~pnfarm.web.errors.NotFoundError` for an unknown drive or device."""
 
     def events(self, begin: str | None, drive: str | None, *, follow: bool) -> AsyncIterator[str]:
-        """Entries behind the one with the id ``begin``; None: from now on."""
+        """Entries after the one with the id ``begin``; None: from now on."""
 
     async def live(self, scope: Mapping[str, Any], chosen: Chosen) -> AsyncIterator[bytes]:
         """The page's messages; ``scope`` is the request's."""

@@ -1,4 +1,4 @@
-// The page: views by their address behind #, one live stream.
+// The page: views by their address after #, one live stream.
 import {html, render, useEffect, useState} from "./lib/html.js";
 import {linkOf, loadDevices, look} from "./lib/live.js";
 import {Problem, Toasts, useFarm, useLoaded} from "./lib/ui.js";

@@ -1,6 +1,6 @@
 """The benchmark ``start-cpu``: what a start costs, farm and controller together, in memory and virtual time.
 
-Only CPU counts, beside a loop of the interpreter that is measured before and behind each start: other work on the
+Only CPU counts, beside a loop of the interpreter that is measured before and after each start: other work on the
 machine changes both alike.
 """
 

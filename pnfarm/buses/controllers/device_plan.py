@@ -43,7 +43,7 @@ class PlannedDevice:
     #: Octets that a device without a program is sent.
     outputs: bytes = b""
     reconnect_after_ns: int | None = None
-    #: The name of its first axis, if that is not the drive's; the axes behind it.
+    #: The name of its first axis, if that is not the drive's; the axes after it.
     first: str = ""
     further: tuple[PlannedDevice, ...] = ()
     #: The slots of an axis of several; None: all.

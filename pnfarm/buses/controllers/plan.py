@@ -26,7 +26,7 @@ __all__ = ["describing", "own_address", "profidrive_keys", "reconnect_after_ns",
 
 
 def reconnect_after_ns(section: ControllerSection) -> int | None:
-    """The pause behind a lost connection; None for one that stays lost."""
+    """The pause after a lost connection; None for one that stays lost."""
     return section.reconnect.after_ns if section.reconnect is not None else None
 
 

@@ -57,7 +57,7 @@ def said_of(name: str, ident: int | None = None, identifiers: bytes | None = Non
     return Said(
         name=name,
         identity={} if ident is None else {"ident number": f"0x{ident:04X}"},
-        # empty slots behind the last module may be named or not
+        # empty slots after the last module may be named or not
         subjects={} if identifiers is None else {"configuration": identifiers.rstrip(b"\0").hex(" ")},
     )
 

@@ -1,4 +1,4 @@
-"""The slots of a drive's axes: each axis has modules of its own, as far behind the model's as its slot is."""
+"""The slots of a drive's axes: each axis has modules of its own, as far after the model's as its slot is."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def axis_stride(model: Model) -> int:
 
 
 def axis_shifts(model: Model, slots: Sequence[int | None]) -> list[int]:
-    """How far behind the model's the slots of each axis are; ``slots``: where they begin.
+    """How far after the model's the slots of each axis are; ``slots``: where they begin.
 
-    None: behind those of the axis before it, the first where the model has them.
+    None: after those of the axis before it, the first where the model has them.
     """
     first, stride = min(model_slots(model)), axis_stride(model)
     shifts: list[int] = []

@@ -43,7 +43,7 @@ EVERY_RATIO = range(1, MAX_REDUCTION + 1)
 class AxisPlace(NamedTuple):
     """An axis at power-on: its telegram, None for the model's, and a supplementary one, None for none.
 
-    ``shift``: how far behind the model's its slots are.
+    ``shift``: how far after the model's its slots are.
     """
 
     shift: int = 0
@@ -52,7 +52,7 @@ class AxisPlace(NamedTuple):
 
 
 class AxisSettings(Protocol):
-    """One axis in the farm file; None: the model's telegram, no supplementary one, the slot behind the axis before."""
+    """One axis in the farm file; None: the model's telegram, no supplementary one, the slot after the axis before."""
 
     @property
     def telegram(self) -> int | None: ...

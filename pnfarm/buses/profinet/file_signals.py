@@ -34,7 +34,7 @@ _TYPES = {
     "V2": ValueType("uint", 2),
     "L2": ValueType("uint", 2),
 }
-#: A number and an octet of its status behind it.
+#: A number and an octet of its status after it.
 _WITH_STATUS = {
     "Float32+Status8": ValueType("float", 4),
     "Float32+Unsigned8": ValueType("float", 4),

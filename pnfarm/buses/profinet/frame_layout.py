@@ -72,7 +72,7 @@ def frame_layout(
             continue
         if key in unusable or not place.data_length:
             if kept is None and axis is not None:
-                # its words are nowhere: those of a submodule behind it stay that one's
+                # its words are nowhere: those of a submodule after it stay that one's
                 del waiting[axis][: place.data_length // 2]
             if place.iops_offset is not None:
                 constants.append((place.iops_offset, IOXS_BAD if key in unusable else IOXS_GOOD))

@@ -259,7 +259,7 @@ def _variants(telegram: Telegram, offers: Sequence[_Offer]) -> list[_Offer | Non
 
 
 def _supplements(document: Gsdml, model: Model, matched: _Found, notes: list[str]) -> dict[int, dict[str, Any]]:
-    """The supplementary telegrams that the modules of the others take: behind them, at least as long as the drive's."""
+    """The supplementary telegrams that the modules of the others take: after them, at least as long as the drive's."""
     found: dict[int, dict[str, Any]] = {}
     offers = [first for first, *_ in matched.values() if first is not None]
     for module in {offer.module.id: offer.module for offer in offers}.values():

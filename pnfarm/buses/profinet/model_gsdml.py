@@ -128,7 +128,7 @@ def _free(octets: int) -> DataItems | None:
 def frame_octets(modules: Iterable[ModuleDescription]) -> tuple[int, int]:
     """Octets of the input and of the output frame for these modules with their status octets, without padding.
 
-    Each datum has a provider status behind it and a consumer status in the frame of the other direction; a submodule
+    Each datum has a provider status after it and a consumer status in the frame of the other direction; a submodule
     without data counts as one with inputs of no length (IEC 61158-6-10, ExpectedSubmoduleBlockReq).
     """
     inputs = outputs = 0
@@ -323,7 +323,7 @@ def _dap(model: Model, description: DeviceDescription, abilities: Abilities, inf
 
 
 def _shifts(model: Model) -> list[int]:
-    """How far behind each other the slots of all axes are that the model has."""
+    """How far after the first axis the slots of each axis of the model are."""
     return axis_shifts(model, [None] * model.limits.axes)
 
 

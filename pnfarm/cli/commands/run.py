@@ -204,7 +204,7 @@ def _every(
     pcap: Path | None,
     traced: bool,
 ) -> tuple[dict[str, Any], Exception | None]:
-    """One run, or those of a matrix one after the other; those behind one that was cut short do not begin."""
+    """One run, or those of a matrix one after the other; those after one that was cut short do not begin."""
     from pnfarm.scenario.definition.matrix import not_begun, together
 
     records: list[dict[str, Any]] = []

@@ -42,7 +42,7 @@ PROFIBUS_OVERRIDES: Mapping[str, str] = {
     **{key: what for key, what in OVERRIDES.items() if key not in _OF_MODULES},
     "device": "ident number, 0..0xFFFF",
     "telegrams": "mapping: telegram -> its identifiers of Chk_Cfg in hexadecimal, such as C3 C1 C1 FD 00 01",
-    "parameters": "octets of Set_Prm behind the seven of the standard, in hexadecimal",
+    "parameters": "octets of Set_Prm after the seven of the standard, in hexadecimal",
     "station_type": "model name, up to 25 ASCII characters",
 }
 #: The same for a CIP model.
@@ -73,7 +73,7 @@ def _version(value: Any) -> tuple[str, tuple[int, int, int]]:
     return prefix, (major, minor, internal)
 
 
-#: Octets of Set_Prm behind the seven of the standard.
+#: Octets of Set_Prm after the seven of the standard.
 _LONGEST_USER = 237
 #: Override -> field of Identity, for the plain numbers and texts.
 _NUMBERS = {

@@ -92,7 +92,7 @@ def _placed(module: Module, parts: Mapping[str, Any], where: str) -> Module:
 def _others(telegram: Telegram, value: Any, where: str) -> tuple[Module, ...]:
     """The other modules of a telegram by ``value``: a mapping by place, 0 the first; the rest go.
 
-    Behind those of the model are further ones of a maker's file.
+    After those of the model are further ones of a maker's file.
     """
     found = []
     for key, wanted in mapping(value, where).items():

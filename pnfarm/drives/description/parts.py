@@ -128,7 +128,7 @@ class Limits:
 class ParameterAccess:
     """How access to parameters, base mode parameter access above all, differs from drive to drive.
 
-    * ``change_response_values``: a positive answer to a change has format 0 and no values behind its header.
+    * ``change_response_values``: a positive answer to a change has format 0 and no values after its header.
     * ``multi_parameter``: a request may hold more than one parameter; else it is refused as a whole (0x23).
     * ``zero_elements``: one value may be requested with 0 elements; the subindex is then ignored.
     * ``typed_formats``: values are sent in the format of their data type, not as byte, word and double word.

@@ -8,7 +8,7 @@ __all__ = ["profile_identifiers"]
 _OUTPUTS, _INPUTS = 0x80, 0x40
 #: In an octet of length: consistent as a whole, in words; the lowest six bits are their number less one.
 _WHOLE_WORDS = 0xC0
-#: The first of three octets behind the lengths.
+#: The first of three octets after the lengths.
 _STANDARD = 0xFD
 
 

@@ -100,7 +100,7 @@ class TelegramSelection:
     # words
 
     def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
-        """The signals of the frames, word by word: those of the telegram, and behind them the supplementary one's."""
+        """The signals of the frames, word by word: those of the telegram, and after them the supplementary one's."""
         more = self._supplement.output if setpoint else self._supplement.input
         return self._own(setpoint=setpoint) + more
 

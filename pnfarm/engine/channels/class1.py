@@ -13,7 +13,7 @@ data
 ==================  ====================================================================================
 
 The numbers of the encapsulation and the data are little-endian.  *Place* is the offset of the connection id, *data*
-that of the first octet behind the headers.
+that of the first octet after the headers.
 
 A packet whose sequence number is not ahead of the last one's is old or a duplicate, and dropped.  One that repeats the
 sequence *count* keeps the connection alive, and its data are not taken (vol. 1, 3-4.3: the same count is a duplicate).
@@ -116,7 +116,7 @@ def locate(frame: Any, length: int) -> int:
         return 0
     whole = _big(frame, start + 2)
     datagram = _big(frame, udp + 4)
-    # a part of a datagram has an offset or more behind it
+    # a part of a datagram has an offset or more after it
     if frame[start + 9] != PROTOCOL_UDP or (_big(frame, start + 6) & 0x3FFF) != 0 or start + whole > length:
         return 0
     if _big(frame, udp + 2) != CLASS1_PORT or datagram != whole - header:

@@ -31,7 +31,7 @@ FIRST_DATA_NS = 10_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Class1ProviderPlan:
-    """What a provider sends each ``rpi_ns``.  Offsets count from the first octet of data, behind all headers.
+    """What a provider sends each ``rpi_ns``.  Offsets count from the first octet of data, after all headers.
 
     ``words``: (code, offset of the less significant octet) of each 16-bit word; ``constants``: (offset, octet) of what
     never changes.  ``destination`` is the receiver's MAC address, a router's, or that of a multicast group
@@ -97,7 +97,7 @@ class Class1ProviderPlan:
 
 @dataclass(frozen=True, slots=True)
 class Class1ConsumerPlan:
-    """What a consumer takes.  Offsets count from the first octet of data, behind all headers.
+    """What a consumer takes.  Offsets count from the first octet of data, after all headers.
 
     ``destination`` is the MAC address at which it consumes, its own or a group's; ``destination_address`` the IPv4
     address.  ``multiplier``: of the packet interval, after which the connection times out; ``first_hold_ns``: the same

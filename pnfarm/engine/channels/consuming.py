@@ -160,7 +160,7 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
             _pass_on(consumers, images, int(consumer.rider), frame, data, runs, arrival, interval)
         if consumer.pieces:
             take_pieces(consumer, pieces, stored, frame, data, runs)
-        # behind what compares a packet with the one before: a connection's first one has none
+        # after what compares a packet with the one before: a connection's first one has none
         consumer.state = RUN
         consumer.iops = iops
         consumer.impaired = 0

@@ -174,7 +174,7 @@ def _change_life(impairments: Any, row: Any, frame: Any, place: int, now: int) -
 
 @compiled
 def _wait(impairments: Any, row: Any, due: int, length: int, cycle_ns: int, now: int) -> int:
-    """When a frame that would go on at ``due`` does behind this row; -1 when it is lost."""
+    """When a frame that would go on at ``due`` does after this row; -1 when it is lost."""
     if row.kind == THROTTLE:
         starts = max(due, int(row.free_ns))
         if not _in_force(impairments, row, now):

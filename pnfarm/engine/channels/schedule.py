@@ -267,7 +267,7 @@ class ChannelTable:
         return found
 
     def _open_riders(self, name: str, row: Any, riders: Sequence[Rider], start: int) -> None:
-        """Open a row for each further axis, behind ``row``; ``start``: of the IO data, as its words count."""
+        """Open a row for each further axis, after ``row``; ``start``: of the IO data, as its words count."""
         following = 0
         table = getattr(self.columns, name)
         for rider in reversed(riders):

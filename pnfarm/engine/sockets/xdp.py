@@ -54,7 +54,7 @@ class XdpSocket(NamedTuple):
     taken: Any
     left: Any
     seen: Any
-    #: Index behind the frames that were placed.
+    #: Index after the frames that were placed.
     placed: Any
 
 

@@ -258,7 +258,7 @@ class _Update:
             self.merging.say(own, f"gone from the project: {how}{self.merging.mentions(own, part)}")
 
     def _add(self, key: str, fresh: Mapping[str, Part], places: Mapping[str, str]) -> None:
-        """Add new stations, each behind the one that it is behind in the project; ``places``: those in the file."""
+        """Add new stations, each after the one that it is after in the project; ``places``: those in the file."""
         if fresh and key not in self.user:
             newline = "\r\n" if "\r\n" in self.text else "\n"
             text = newline.join([f"{key}:", *(part.block(2) for part in fresh.values()), ""])

@@ -19,7 +19,7 @@ REASONS: Mapping[str, str] = MappingProxyType(
     {
         # any format
         "short": "ends before its format does",
-        "trailing": "octets behind its end",
+        "trailing": "octets after its end",
         "bad-length": "lengths inside contradict each other",
         "bad-type": "of an unexpected type",
         "bad-version": "of an unknown version",

@@ -292,7 +292,7 @@ class GatedLink(LinkWrapper):
         return taken
 
     def _go_on(self, port: int, direction: Direction, frame: bytes, now: int) -> None:
-        """Behind the rules."""
+        """After the rules."""
         if direction == "in":
             if self._receiver is not None:
                 self._receiver(port, frame, now)

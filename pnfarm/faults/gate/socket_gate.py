@@ -219,7 +219,7 @@ class SocketGate:
             case StreamClosed(stream=number):
                 stream = known.streams.get(number)
                 if stream is not None and stream.lanes["in"]:
-                    # behind what it sent before
+                    # after what it sent before
                     self._empty(known, stream.lanes["out"])
                     self._wait(port, known, "in", stream, _Item(now, event, STREAM, 0, set()), now)
                 else:
@@ -340,7 +340,7 @@ class SocketGate:
                 self._empty(known, lane)
 
     def _go_on(self, port: int, known: _Port, direction: Direction, item: _Item, now: int) -> None:
-        """Behind the rules."""
+        """After the rules."""
         for late in item.late:
             late.left(sent=True)
         event = item.event
@@ -396,7 +396,7 @@ class SocketGate:
 
 
 def _shaped(rule: GateRule, direction: Direction, item: _Item, *, hit: bool) -> list[_Item]:
-    """What goes on behind one rule."""
+    """What goes on after one rule."""
     before = _octets(item.event)
     found: list[_Item] = []
     for due, octets in rule.left(direction, item.frame_class, before, item.due, hit=hit, bare=True):

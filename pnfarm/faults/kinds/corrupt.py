@@ -13,7 +13,7 @@ __all__ = ["KIND"]
 
 
 class Corrupt(ShapedEffect):
-    """Everywhere, or behind the EtherType."""
+    """Everywhere, or after the EtherType."""
 
     cyclic = CORRUPT
     row: ClassVar = {"amount": "bits", "whole": "whole", "mends": "mend"}

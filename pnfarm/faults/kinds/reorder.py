@@ -1,4 +1,4 @@
-"""reorder: frames arrive behind later ones."""
+"""reorder: frames arrive after later ones."""
 
 from __future__ import annotations
 

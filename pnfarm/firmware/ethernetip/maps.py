@@ -17,7 +17,7 @@ from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["COMMAND_SIZES", "DYNAMIC", "DYNAMIC_MAP", "MAP_TYPE", "RESPONSE_SIZES", "show_map", "take_map"]
 
-#: Octet of the map type, and the one behind the static part.
+#: Octet of the map type, and the one after the static part.
 MAP_TYPE = 33
 STATIC = 36
 END = 64

@@ -58,7 +58,7 @@ def _charged(profidrive: Any, now: int) -> bool:
 
 @inlined
 def take_object(axis: Any, image: Any, now: int) -> None:
-    """Once in each step, behind the axis's orders: an infeed's contactor, a control unit's digital outputs."""
+    """Once in each step, after the axis's orders: an infeed's contactor, a control unit's digital outputs."""
     profidrive = axis.profidrive
     if profidrive.settings.object == OBJECT_INFEED:
         power = int(axis.orders.power) | POWER_NO_QUICK_STOP

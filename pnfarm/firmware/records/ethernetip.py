@@ -20,7 +20,7 @@ ETHERNETIP_RECORD = subject(
             "command_map", "u2", "", "parameter", "instances in octets 36 to 63 of the command (EIP.CMDMAP)", (MAPPED,)
         ),
         Field("response_map", "u2", "", "parameter", "the same of the response (EIP.RSPMAP)", (MAPPED,)),
-        Field("enable_outlasts_fault", "u1", "", "parameter", "1 = Enable acts behind a fault without rising again"),
+        Field("enable_outlasts_fault", "u1", "", "parameter", "1 = Enable acts after a fault without rising again"),
         Field("loss_stops", "u1", "", "parameter", "1 = without valid data a controlled stop, not coasting"),
         Field("unhomed_fault", "u4", "", "parameter", "fault of a move of an axis that is not homed, 0 = none"),
         # attributes of the position controller that a client writes

@@ -40,7 +40,7 @@ LEAD_NS = 100_000_000
 MOST_LEAD_NS = 4_000_000_000
 #: After the start, before the shards are asked how it went.
 SETTLE_SECONDS = 0.005
-#: Behind these a request may have been carried out; of so many faults that is remembered.
+#: After these a request may have been carried out; of so many faults that is remembered.
 _UNSURE = frozenset({"timeout", "broken", "garbage"})
 MOST_UNSURE = 4096
 _REFUSED = (HTTPStatus.BAD_REQUEST, HTTPStatus.INTERNAL_SERVER_ERROR)

@@ -194,7 +194,7 @@ def ethertype_filter(
     if without and not mark:
         instructions.append(_load_word(IFINDEX))
         for first, last in without[:MOST_RUNS]:
-            # in front of this run and behind the one before: in none
+            # in front of this run and after the one before: in none
             instructions.append(Instruction(Op.JUMP_GREATER_EQUAL, first, _NEXT, ACCEPT))
             instructions.append(Instruction(Op.JUMP_GREATER, last, _NEXT, DROP))
     if mark:

@@ -28,7 +28,7 @@ KINDS: dict[str, frozenset[str]] = {
 _WHOLE_FRAME = 0x40000
 
 _FIRST_DCP, _LAST_DCP = 0xFEFC, 0xFEFF
-#: Frame ids of PTCP (IEC 61158-6-10): sync below those of cyclic data, the rest behind DCP's.
+#: Frame ids of PTCP (IEC 61158-6-10): sync below those of cyclic data, the rest after DCP's.
 _SYNCS = (0x0020, 0x0021, 0x0080, 0x0081)
 _CLOCKS = (0xFF00, 0xFF01, 0xFF20, 0xFF21, 0xFF40, 0xFF41, 0xFF42, 0xFF43)
 _ICMP, _TCP, _UDP = 1, 6, 17

@@ -65,7 +65,7 @@ _PROTOCOL = 4  # RTPROT_STATIC
 _FRA_SRC, _FRA_IIFNAME, _FRA_PRIORITY, _FRA_TABLE = 2, 3, 6, 15
 _ACTION_TO_TABLE = 1
 
-#: Priorities of the rules: behind ``local`` (0), before ``main`` (32766).  All rules of interfaces come before all of
+#: Priorities of the rules: after ``local`` (0), before ``main`` (32766).  All rules of interfaces come before all of
 #: addresses: what one drive sends to another comes in from an address that has a rule, too.
 OF_INTERFACES, OF_ADDRESSES = 11_500, 11_501
 #: Routing tables of interfaces: this plus the interface's index.

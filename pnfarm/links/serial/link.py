@@ -98,7 +98,7 @@ class SerialLink:
         self._came_ns = 0
         #: How long the octets that came last take at the line's rate, where the line itself takes no time for them.
         self._octets_ns = 0
-        #: More came behind what is being answered: its master has given it up.
+        #: More came after what is being answered: its master has given it up.
         self._is_passed = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._receiver: Receiver | None = None

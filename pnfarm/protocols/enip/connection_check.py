@@ -38,7 +38,7 @@ _INHIBIT: Final = 3
 
 
 class Refusal(Exception):  # noqa: N818 - an answer, not an error of this program
-    """Why a Forward_Open is refused: general status, extended status with the words behind it."""
+    """Why a Forward_Open is refused: general status, extended status with the words after it."""
 
     def __init__(self, *extended: int, status: int = GeneralStatus.CONNECTION_FAILURE) -> None:
         super().__init__(*extended)

@@ -55,7 +55,7 @@ class CipObject(Protocol):
         """The attribute's octets, or a status such as ``ATTRIBUTE_NOT_SUPPORTED``."""
 
     def set(self, instance: int, attribute: int, data: bytes) -> Answer:
-        """Write an attribute: all octets behind the path."""
+        """Write an attribute: all octets after the path."""
 
     def service(self, instance: int, service: int, data: bytes) -> Answer:
         """Any service beside those of the router; ``SERVICE_NOT_SUPPORTED`` for one that the object lacks."""

@@ -51,7 +51,7 @@ __all__ = ["Master", "MasterSettings"]
 
 #: A slave that was never connected is tried again after this time, also where a lost one stays lost.
 RETRY_NS: Final = 1_000_000_000
-#: Readings of the diagnosis behind Chk_Cfg until the slave has to be ready.
+#: Readings of the diagnosis after Chk_Cfg until the slave has to be ready.
 MOST_DIAGNOSES: Final = 50
 #: Upper bounds of the histogram of answer times (Tsdr with the line's latency), ns; a last bucket takes the rest.
 ANSWER_EDGES_NS: Final = (
@@ -280,7 +280,7 @@ class Master:
                 return
 
     def _begin_cycle(self, now: int) -> bool:
-        """Behind a cycle one request for a record; then all slaves that are due, those last that were lost."""
+        """After a cycle one request for a record; then all slaves that are due, those last that were lost."""
         if not self._acyclic_done:
             self._acyclic_done = True
             if (asked := self._acyclic(now)) is not None:

@@ -24,7 +24,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class SlavePlan:
-    """What a slave is to be.  ``reconnect_ns``: pause behind a lost slave or a refusal, None: a lost one stays lost."""
+    """What a slave is to be.  ``reconnect_ns``: pause after a lost slave or a refusal, None: a lost one stays lost."""
 
     name: str
     address: int

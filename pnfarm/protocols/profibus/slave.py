@@ -214,7 +214,7 @@ class Slave:
 
     @property
     def min_tsdr_bits(self) -> int:
-        """No answer begins sooner behind the last bit of its request."""
+        """No answer begins sooner after the last bit of its request."""
         return self._min_tsdr_bits
 
     @property

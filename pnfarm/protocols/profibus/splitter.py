@@ -33,7 +33,7 @@ def _whole(octets: bytes) -> Line | None:
 class Splitter:
     """Octets in any pieces in, whole telegrams out.
 
-    ``pause_ns``: octets of one telegram follow each other without a gap (4.7.3); behind a pause that long a new one
+    ``pause_ns``: octets of one telegram follow each other without a gap (4.7.3); after a pause that long a new one
     begins; 0: never.  Pieces that a driver delivers may be apart by more than the line's own times, so it is the
     line's user who says how long.
     """

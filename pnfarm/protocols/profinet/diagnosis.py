@@ -224,7 +224,7 @@ class _Change:
         return (item,)
 
     def emit_items(self) -> list[tuple[int, bytes]]:
-        """:meth:`items` as (USI, octets behind it)."""
+        """:meth:`items` as (USI, octets after it)."""
         return emit_items(self.items())
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LONGEST", "Window", "failure_windows", "keep_failures", "slice_capture"]
 
-#: Time before the step and behind its end that belongs to the slice, seconds.
+#: Time before the step and after its end that belongs to the slice, seconds.
 BEFORE = 1.0
 BEHIND = 0.5
 #: Most time of a step that belongs to it: its last part, where it failed.

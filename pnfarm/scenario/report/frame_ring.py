@@ -31,7 +31,7 @@ MAX_FILE = 256_000_000
 #: Failures whose frames are kept; a chunk's octets and time.
 MAX_WINDOWS = 256
 CHUNK_OCTETS, CHUNK_NS = 65_536, 100_000_000
-#: Behind every stamp.
+#: After every stamp.
 _END_NS = (1 << 64) - 1
 _ENHANCED_PACKET = struct.pack("<I", 6)
 
@@ -126,7 +126,7 @@ class FrameRing:
         """No more frames will come."""
         try:
             if self._chunks:
-                # behind every window
+                # after every window
                 self._chunks[-1].end_ns = _END_NS
             self._serve(_END_NS)
         finally:

@@ -71,7 +71,7 @@ def _signals_of(step: Step, binding: Binding) -> Iterator[tuple[str, str]]:
 
 
 def named_stations(binding: Binding) -> list[str]:
-    """The drives and devices that steps name: those of faults first; all drives behind them where no drive is named."""
+    """The drives and devices that steps name: those of faults first; all drives after them where no drive is named."""
     found: dict[str, None] = {}
     steps = list(binding.scenario.every_step())
     for step in steps:
@@ -168,7 +168,7 @@ class TraceExcerpts:
                 self._shown[name] = None
 
     def look(self, now: int) -> None:
-        """Keep a trace that is complete, and begin the next one, as behind one that another client deleted."""
+        """Keep a trace that is complete, and begin the next one, as after one that another client deleted."""
         if self._trace is not None and self._marks and self._trace.state in {"complete", "deleted"}:
             self._keep(now)
             self._start(now)
@@ -248,6 +248,6 @@ def _thinned(recording: Recording, mark: str, times: NDArray[Any], columns: Sequ
 
 
 def _changes(column: Column) -> NDArray[np.bool_]:
-    """Whether the value changes behind each sample but the last."""
+    """Whether the value changes after each sample but the last."""
     found: NDArray[np.bool_] = column.values[1:] != column.values[:-1]
     return found

@@ -141,7 +141,7 @@ class EthernetIpCore(SessionCore[DeviceSession]):
         return self.plain[name][1].read() if session.plan.plain else self.channels.read(session)
 
     def put_outputs(self, name: str, data: bytes) -> None:
-        """Send these output data, zeros behind them, to a device without an axis program.
+        """Send these output data, zeros after them, to a device without an axis program.
 
         Raises :class:`ConfigError` for an unknown device, for one that a program commands, and for too many octets.
         """

@@ -37,7 +37,7 @@ class Identification:
 
 
 def parse_identification(data: bytes) -> Identification:
-    """The answer to Get_Attributes_All, which may have more behind it.  Raises ``short``."""
+    """The answer to Get_Attributes_All, which may have more after it.  Raises ``short``."""
     r = Reader(data, little=True)
     vendor, device_type, product = r.u16(), r.u16(), r.u16()
     revision, status, serial = (r.u8(), r.u8()), r.u16(), r.u32()

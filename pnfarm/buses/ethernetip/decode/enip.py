@@ -101,7 +101,7 @@ def _segment(packet: Packet, ip: Ipv4Packet, segment: TcpSegment, shared: Shared
 
 
 def _message(octets: bytes, route: Route, shared: Shared, *, missing: bool) -> Iterator[Description]:
-    """One message of a stream; one that is malformed does not hide those behind it."""
+    """One message of a stream; one that is malformed does not hide those after it."""
     if missing:
         if not route.to_device:
             shared.missed(route.pair, keep=1)

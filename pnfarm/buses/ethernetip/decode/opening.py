@@ -39,7 +39,7 @@ _TRIGGERS: Final = ("cyclic", "change of state", "application")
 _SIZES: Final = frozenset(
     {ConnectionStatus.O_TO_T_SIZE, ConnectionStatus.T_TO_O_SIZE, ConnectionStatus.INVALID_CONNECTION_SIZE}
 )
-#: The connection path of an assembly: consumed, then produced point, behind the configuration.
+#: The connection path of an assembly: consumed, then produced point, after the configuration.
 _POINTS: Final = frozenset({Logical.INSTANCE, Logical.CONNECTION_POINT})
 
 

@@ -53,7 +53,7 @@ def begins_message(data: bytes) -> bool:
 
 @dataclass(slots=True)
 class _Stream:
-    """``due`` is the number of the octet behind ``octets``; None while no message has been found."""
+    """``due`` is the number of the octet after ``octets``; None while no message has been found."""
 
     due: int | None = None
     octets: bytearray = field(default_factory=bytearray)
@@ -92,7 +92,7 @@ class Streams:
                 self._streams.pop((destination, source), None)
 
     def acknowledged(self, source: End, destination: End, segment: TcpSegment) -> Iterator[tuple[bytes, bool]]:
-        """Messages of the other direction behind octets that its receiver has, and the capture lacks."""
+        """Messages of the other direction after octets that its receiver has, and the capture lacks."""
         stream = self._streams.get((destination, source))
         if stream is None or stream.due is None or not stream.early or not segment.acknowledges:
             return
@@ -152,7 +152,7 @@ class Streams:
             yield from self._append(stream, data, missing=missing)
 
     def _skip(self, stream: _Stream) -> Iterator[tuple[bytes, bool]]:
-        """Octets are missing: go on at the first segment behind the gap that begins like a message."""
+        """Octets are missing: go on at the first segment after the gap that begins like a message."""
         due = stream.due or 0
         early = sorted(stream.early.items(), key=lambda entry: (entry[0] - due) % _NUMBERS)
         stream.early.clear()

@@ -93,7 +93,7 @@ def _factor(row: CipInstance, parameter: Parameter) -> Fraction | None:
 
 
 def _decimals(factor: Fraction | None) -> int:
-    """Digits behind the point: those of a decimal fraction."""
+    """Digits after the point: those of a decimal fraction."""
     digits = 0
     while factor is not None and factor.denominator != 1 and digits < 9:
         factor *= 10

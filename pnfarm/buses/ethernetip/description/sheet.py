@@ -35,7 +35,7 @@ __all__ = ["RPI_PARAMETER", "comments", "describe_model", "file_name"]
 
 #: The day of the form of these files: they change with the model's data alone.
 _DAY, _TIME, _REVISION = "11-23-2026", "12:00:00", "1.1"
-#: Number of the entry with the limits of the packet interval: behind every instance.
+#: Number of the entry with the limits of the packet interval: after every instance.
 RPI_PARAMETER: Final = 60001
 _DATA: Final = 3
 #: Types by number (ODVA's list of device profiles).

@@ -27,7 +27,7 @@ class EncapsulationCutter:
 
     def __init__(self) -> None:
         self._header = b""
-        #: Octets of the present message that are still to come behind its header.
+        #: Octets of the present message that are still to come after its header.
         self._left = 0
 
     def pieces(self, data: bytes) -> list[tuple[bool, bytes]]:

@@ -101,7 +101,7 @@ _CONNECTION: Final = {
         f"After the timeout: {_LOST} The connection is opened again.",
     ),
     "connect-refuse": _on(
-        "Answers to Forward_Open with the general status, and the extended status behind it.",
+        "Answers to Forward_Open with the general status, and the extended status after it.",
         "Logix: module fault with the extended status (16#0113: out of connections), asking again and again. CODESYS: "
         "the adapter goes to its error state, with the status in its log (assumed).",
         {
@@ -163,7 +163,7 @@ _CONNECTION: Final = {
         },
     ),
     "record-delay": _on(
-        "Answers of objects on TCP are late, and behind them all that follows on the same TCP connection; answers to "
+        "Answers of objects on TCP are late, and after them all that follows on the same TCP connection; answers to "
         "Forward_Open and Forward_Close are not.",
         "The bus reports nothing: MSG instructions take longer, or end by their time-out.",
     ),

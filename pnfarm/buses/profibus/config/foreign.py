@@ -27,7 +27,7 @@ class GsdDevice(Section):
     )
     user: OctetString | None = Field(
         default=None,
-        description="Octets of Set_Prm behind the seven of the standard, in hexadecimal; left out, those of the file.",
+        description="Octets of Set_Prm after the seven of the standard, in hexadecimal; left out, those of the file.",
     )
     outputs: OctetString | None = Field(
         default=None, description="Its outputs in hexadecimal, the same all the time; left out, zeros."

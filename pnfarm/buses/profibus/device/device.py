@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ProfibusDevice"]
 
-#: How long behind the last poll that was answered a master's next ones may lie before it gives the slave up: a time, or
+#: How long after the last poll that was answered a master's next ones may lie before it gives the slave up: a time, or
 #: so many cycles.
 RETRIES_NS, RETRY_CYCLES = 100_000_000, 4
 #: Where the master's cycle is not known yet.
@@ -221,7 +221,7 @@ class ProfibusDevice:
         if not self._answers:
             self.follow(now)
             return []
-        # the chip acknowledges before its application looks at a Set_Prm or Chk_Cfg: :meth:`follow` is called behind
+        # the chip acknowledges before its application looks at a Set_Prm or Chk_Cfg: :meth:`follow` is called after
         answers, self._answers = self._answers, []
         return answers
 

@@ -37,7 +37,7 @@ class ParametersTaken(ConnectionOpened):
 
 @event()
 class DataExchangeBegan(ConnectionEstablished):
-    """The first Data_Exchange behind Set_Prm and Chk_Cfg."""
+    """The first Data_Exchange after Set_Prm and Chk_Cfg."""
 
     master: int
     telegram: int

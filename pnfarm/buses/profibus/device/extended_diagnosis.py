@@ -1,4 +1,4 @@
-"""What a drive reports of its fault behind the first six octets of a diagnosis.
+"""What a drive reports of its fault after the first six octets of a diagnosis.
 
 A model with a ``diagnosis_parameter`` has a status block of DP-V1 (Moog MSD manual 9.5.1, table 9.21), any other the
 error of a channel with the profile's fault class (SINAMICS S120 function manual, drive functions, 11/2017, 11.1:

@@ -29,7 +29,7 @@ __all__ = [
 ]  # fmt: skip
 
 # Cells of a slave, one number each.
-#: 1: the next poll may be answered here.  Set behind a poll that the slave answered, cleared by all else.
+#: 1: the next poll may be answered here.  Set after a poll that the slave answered, cleared by all else.
 READY = 0
 #: The slave's master, the FCB of the poll before, octets of outputs and inputs, the place of DA in the answer (1 of an
 #: SD3, 4 of an SD2).
@@ -134,7 +134,7 @@ def _give(answer: Any, begin: int, words: Any, count: int, image: Any) -> None:
 
 @compiled
 def _next(count: int) -> int:
-    """Behind an unsigned number of 32 bits, as the signed one that the array has."""
+    """After an unsigned number of 32 bits, as the signed one that the array has."""
     following = (np.int64(count) + 1) & _NEXT
     return int(following) - 0x1_0000_0000 if following >= 0x8000_0000 else int(following)
 

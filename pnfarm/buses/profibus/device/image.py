@@ -61,7 +61,7 @@ class _Words:
     def taken(self) -> _Words:
         """In the order in which they are written, as the engine may read between any two of them.
 
-        STW1 comes last, so that its edges come with what belongs to them, the parameter channel's identifier behind its
+        STW1 comes last, so that its edges come with what belongs to them, the parameter channel's identifier after its
         value.
         """
         self.whole.sort(key=lambda pair: pair[1] == STW1)
@@ -255,7 +255,7 @@ class CyclicImage:
         self._counts.sent += 1
 
     def count(self, now: int) -> None:
-        """A telegram with data came, behind :meth:`note`."""
+        """A telegram with data came, after :meth:`note`."""
         counts, cells = self._counts, self.cells
         counts.received += 1
         last = cells[fast_path.LAST]

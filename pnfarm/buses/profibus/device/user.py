@@ -118,7 +118,7 @@ class DriveUser(Meddling):
 
     @property
     def reports_faults(self) -> bool:
-        """Whether a fault is in the diagnosis behind its first six octets."""
+        """Whether a fault is in the diagnosis after its first six octets."""
         parameter = self._product.diagnosis_parameter
         return parameter is None or self._store.raw(parameter) in self._product.diagnosis_modes
 

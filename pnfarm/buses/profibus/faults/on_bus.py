@@ -74,7 +74,7 @@ _CONNECTION: Final = {
         "The slave is parametrised again; the program sees the drive's fault.",
     ),
     "connect-refuse": _on(
-        "Set_Prm is acknowledged, and the diagnosis behind it says Prm_Fault: data exchange does not begin.",
+        "Set_Prm is acknowledged, and the diagnosis after it says Prm_Fault: data exchange does not begin.",
         "Parameter assignment error of the slave, again and again.",
     ),
     "record-error": _on(

@@ -154,6 +154,6 @@ def _places(plugged: PluggedSlave, parts: Iterator[tuple[int, CaexElement]], not
             continue
         past = {"input": 0, "output": 0}
         for area in (area for one in element.walk() for area in ranges(one)):
-            # areas of one direction are one behind the other
+            # areas of one direction are one after the other
             yield DataPlace(area, slot, SUBSLOT, bool(module.inputs), past[area.direction])
             past[area.direction] += area.octets

@@ -31,7 +31,7 @@ class ProfinetAxis(AxisGroup):
         default=None,
         ge=1,
         le=MAX_SLOT,
-        description="Slot of its module; left out, the one behind the axis before it.",
+        description="Slot of its module; left out, the one after the axis before it.",
     )
     supplementary: int | None = Field(
         default=None, ge=0, le=_U16, description="Supplementary telegram beside it; left out, the drive's."
@@ -66,7 +66,7 @@ class ProfinetDrives(IpDrives):
     axes: list[ProfinetAxis] = Field(
         default_factory=list,
         max_length=MAX_AXES,
-        description="Several axes on one connection, each with a telegram in slots of its own, behind each other. A "
+        description="Several axes on one connection, each with a telegram in its own slots, in this order. A "
         "model takes more axes than its manual has (`pnfarm models MODEL`) with `limits: lax`.",
         examples=[[{"name": "x"}, {"name": "y"}]],
     )

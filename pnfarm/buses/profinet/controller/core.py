@@ -66,7 +66,7 @@ VENDOR_ID, DEVICE_ID = 0xFFFF, 0x0001
 OWN_SETTINGS = frozenset(
     block.ID for block in (NameBlock, IpParameterBlock, FullIpSuiteBlock, FactoryResetBlock, ResetToFactoryBlock)
 )
-#: Place of DCP's service type, behind the frame id and the service id.
+#: Place of DCP's service type, after the frame id and the service id.
 _SERVICE_TYPE = 3
 
 

@@ -88,7 +88,7 @@ class DevicePlan(PlannedDevice):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedAxis(PlannedDevice):
-    """An axis behind the first one of a drive."""
+    """An axis after the first one of a drive."""
 
     cycle_ns: int
 

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
     from pnfarm.protocols.profinet.gsdml.planning import PlannedDevice as Described
 
-    #: An axis: how far behind the model's its slots are, its telegram, and its supplementary one.
+    #: An axis: how far after the model's its slots are, its telegram, and its supplementary one.
     _Place = tuple[int, int, int | None]
 
 __all__ = ["plan_controller", "plan_devices"]

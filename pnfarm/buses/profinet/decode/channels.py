@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Channel", "Telegrams", "Template", "make_template", "telegrams_of"]
 
-#: The telegrams of a drive's axes, by how far their slots are behind the model's.
+#: The telegrams of a drive's axes, by how far their slots are after the model's.
 Telegrams: TypeAlias = "Mapping[int, Telegram]"
 #: PROFIdrive's API: its telegrams begin with STW1 and ZSW1 (PROFIdrive 4.x, standard telegrams).
 PROFIDRIVE_API = 0x3A00

@@ -263,7 +263,7 @@ class Observed:
                 found.refused.add(place)
 
     def controlled(self, controller: bytes, device: bytes, request: tuple[Block, ...]) -> None:
-        """A Control: what is written behind the end of the parameters is none of them."""
+        """A Control: what is written after the end of the parameters is none of them."""
         found = self._current.get((controller, device))
         if found is not None and any(
             isinstance(block, ControlBlock) and block.block_type == BlockType.PRM_END_REQ for block in request

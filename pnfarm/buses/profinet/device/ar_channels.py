@@ -15,7 +15,7 @@ __all__ = ["ArChannels"]
 
 @dataclass(slots=True)
 class ArChannels:
-    """The rows of one AR, and its controller, which gives up behind ``hold_ns`` without a frame."""
+    """The rows of one AR, and its controller, which gives up after ``hold_ns`` without a frame."""
 
     initiator: str
     ip: IPv4Address

@@ -26,7 +26,7 @@ __all__ = ["FaultDiagnosis", "fault_entry"]
 
 
 def fault_entry(store: ParameterStore, number: int, shift: int = 0) -> DiagnosisEntry | None:
-    """The diagnosis that an axis reports for a fault now, or None; its slots are ``shift`` behind the model's."""
+    """The diagnosis that an axis reports for a fault now, or None; its slots are ``shift`` after the model's."""
     model = store.model
     error_type = model.diagnoses.get(number)
     if not model.limits.alarms or error_type is None:
@@ -57,7 +57,7 @@ def fault_entry(store: ParameterStore, number: int, shift: int = 0) -> Diagnosis
 
 
 class FaultDiagnosis:
-    """Diagnosis entries of one axis's faults; its slots are ``shift`` behind the model's.
+    """Diagnosis entries of one axis's faults; its slots are ``shift`` after the model's.
 
     ``there`` says whether a submodule is plugged: one that is pulled reports nothing.
     """

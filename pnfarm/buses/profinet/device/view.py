@@ -139,7 +139,7 @@ _AR_TYPES: Mapping[int, str] = {
 
 
 def _channel(channel: IocrLayout) -> dict[str, Any]:
-    """One IO CR; offsets are those of the C_SDU, behind the frame id."""
+    """One IO CR; offsets are those of the C_SDU, after the frame id."""
     return {
         "direction": "sent" if channel.is_input else "received",
         "id": f"0x{channel.frame_id:04X}",

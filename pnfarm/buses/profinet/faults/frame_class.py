@@ -55,7 +55,7 @@ def frame_class(frame: bytes) -> str:
 
 
 def _payload(frame: bytes) -> tuple[int, bytes]:
-    """EtherType and what follows, behind a VLAN tag if there is one; (0, b"") for what is too short."""
+    """EtherType and what follows, after a VLAN tag if there is one; (0, b"") for what is too short."""
     start = 12
     if int.from_bytes(frame[12:14], "big") == ETHERTYPE_VLAN:
         start = 16

@@ -230,7 +230,7 @@ class _SlotChanges:
 
 
 def _unknown(idents: list[int]) -> int:
-    """An ident that differs from these: behind the highest, or the lowest that is free."""
+    """An ident that differs from these: after the highest, or the lowest that is free."""
     behind = max(idents) + 1
     return behind if behind <= 0xFFFF_FFFF else next(i for i in range(1, len(idents) + 2) if i not in idents)
 

@@ -230,7 +230,7 @@ def emit_request(request: ParameterRequest) -> bytes:
 def parse_response(data: bytes) -> ParameterResponse:
     """A response as a controller gets it; :class:`DecodeError` if it does not follow the format.
 
-    Octets behind the last entry are padding of the record and are left out.
+    Octets after the last entry are padding of the record and are left out.
     """
     reader = Reader(data)
     reference, response_id, axis, count = reader.u8(), reader.u8(), reader.u8(), reader.u8()

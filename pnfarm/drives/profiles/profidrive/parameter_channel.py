@@ -114,7 +114,7 @@ class _ParameterAccess:
             entries.append(entry)
             used += entry_octets(entry)
         if not negative and request.request_id == REQUEST_CHANGE:
-            # 3.6.2 shows format 0 and number of values 0 behind the header; other drives send the header alone
+            # 3.6.2 shows format 0 and number of values 0 after the header; other drives send the header alone
             entries = [ParameterValues(0)] * request.count if access.change_response_values else []
         response_id = request.request_id | (NEGATIVE if negative else 0)
         return ParameterResponse(request.reference, response_id, request.axis, request.count, tuple(entries))

@@ -179,7 +179,7 @@ class _SheetReader:
         bits = self._fields.limits(entry, bits_text or str(usual), 8 * LONGEST_DATA, "the size of a member").default
         if inner is not None:
             yield from inner.members
-            # what is behind its members counts, too
+            # what is after its members counts, too
             bits, parameter = bits - sum(one.bits for one in inner.members), None
         if bits > 0:
             yield Member(0, bits, parameter)
@@ -263,7 +263,7 @@ def _points(path: bytes) -> tuple[int, tuple[int, ...]]:
 
 
 def _joined(parts: list[Way]) -> Way:
-    """The parts of a configuration, one behind the other."""
+    """The parts of a configuration, one after the other."""
     first, second = parts
     if not second.size.most:
         return first if first.size.most else NO_DATA

@@ -130,7 +130,7 @@ class _Tokens:
     def __init__(self, text: str) -> None:
         self._text = text
         self._found = self._all()
-        #: A place, and its line: the next one that is asked for is behind it.
+        #: A place, and its line: the next one that is asked for is after it.
         self._counted = (0, 1)
         self.kind, self.value, self.place = "", "", 0
         self.next()

@@ -121,7 +121,7 @@ Segment = LogicalSegment | ElectronicKey | PortSegment | NetworkSegment | Symbol
 def logical_path(
     class_id: int, instance_id: int | None = None, attribute_id: int | None = None, *points: int
 ) -> tuple[LogicalSegment, ...]:
-    """The segments of an object's path; ``points`` are connection points behind it."""
+    """The segments of an object's path; ``points`` are connection points after it."""
     parts = [(Logical.CLASS, class_id), (Logical.INSTANCE, instance_id), (Logical.ATTRIBUTE, attribute_id)]
     segments = [LogicalSegment(kind, value) for kind, value in parts if value is not None]
     return (*segments, *(LogicalSegment(Logical.CONNECTION_POINT, point) for point in points))

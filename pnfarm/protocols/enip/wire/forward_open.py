@@ -1,7 +1,7 @@
 """Services of the Connection Manager: Forward_Open, Large_Forward_Open, Forward_Close, Unconnected_Send
 (CIP volume 1, chapter 3-5.5).
 
-What each holds behind the path of its request; the path of these requests themselves is the Connection Manager's.
+What each holds after the path of its request; the path of these requests themselves is the Connection Manager's.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ __all__ = [
 
 #: Production triggers, bits 4 to 6 of transport class and trigger.
 CYCLIC: Final = 0
-#: Octets behind a number of words, and behind this number and a reserved octet.
+#: Octets after a number of words, and after this number and a reserved octet.
 _PATH: Final = Length("B", unit=2)
 _Words = Annotated[bytes, Length("Bx", unit=2)]
 

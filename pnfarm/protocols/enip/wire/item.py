@@ -23,7 +23,7 @@ class ItemType(IntEnum):
 
 
 class Item(Structure, little=True):
-    """The octets of an item behind type and length; ``types``: those that have this layout."""
+    """The octets of an item after type and length; ``types``: those that have this layout."""
 
     TYPES: ClassVar[tuple[int, ...]] = ()
     KINDS: ClassVar[dict[int, type["Item"]]] = {}

@@ -37,7 +37,7 @@ class MessageRequest(Structure, little=True):
 
 
 class MessageReply(Structure, little=True):
-    """``service`` is the request's, without bit 7; ``extended`` are the words behind the general status."""
+    """``service`` is the request's, without bit 7; ``extended`` are the words after the general status."""
 
     service: Annotated[int, Fixed("Bx", lambda octet: octet & ~REPLY, lambda service: service | REPLY)]
     status: UInt8 = 0

@@ -32,7 +32,7 @@ _HIGHEST: Final = 63
 
 
 def diagnosis_blocks(slave: PluggedSlave, name: str, slot: int, channel: int) -> bytes:
-    """Blocks behind the first six octets: the bit of this name in the device's own block, else the channel's error.
+    """Blocks after the first six octets: the bit of this name in the device's own block, else the channel's error.
 
     With a channel's error the block of identifiers says which module has one; modules count as their slots do
     (assumed: one identifier for each).  Raises :class:`ConfigError` for an unknown name, and for what does not fit.

@@ -50,7 +50,7 @@ class Gsd:
 
     ``most_*`` are None where the file has no limit.  ``class_one``, ``class_two``: longest record within the cyclic
     connection, and on connections of masters of class 2, of which there are ``connections``; 0 without.
-    ``unit_diagnoses``: bit of the octets behind the header of the device's own block -> text; ``channel_errors``:
+    ``unit_diagnoses``: bit of the octets after the header of the device's own block -> text; ``channel_errors``:
     error type -> text.
     """
 

@@ -112,7 +112,7 @@ class GsdEntry:
         return gsd_number(self.value)
 
     def numbers(self) -> tuple[int, ...] | None:
-        """Numbers with commas between them, behind a name in quotation marks if there is one; None for other text."""
+        """Numbers with commas between them, after a name in quotation marks if there is one; None for other text."""
         text = _STRING.sub("", self.value, count=1).strip().rstrip(",")
         if not text:
             return ()
@@ -149,7 +149,7 @@ class GsdBlock:
 
 @dataclass(frozen=True, slots=True)
 class GsdFile:
-    """The part behind ``#Profibus_DP``."""
+    """The part after ``#Profibus_DP``."""
 
     parts: tuple[GsdEntry | GsdBlock, ...]
     warnings: tuple[GsdWarning, ...] = field(default=(), compare=False)

@@ -100,14 +100,14 @@ class PluggedSlave:
         return sum(module.outputs for module in self.modules)
 
     def takes(self, identifiers: bytes) -> bool:
-        """Whether a Chk_Cfg names these modules; empty slots behind the last one may be named or not."""
+        """Whether a Chk_Cfg names these modules; empty slots after the last one may be named or not."""
         wanted = self.identifiers
         return identifiers.startswith(wanted) and not identifiers[len(wanted) :].strip(EMPTY_SLOT)
 
     def complaint(self, user: bytes) -> str | None:
         """What is wrong with the user's octets of a Set_Prm; None if they fit.
 
-        Octets behind those of the modules are taken as far as the file allows so many (assumed: blocks that a master
+        Octets after those of the modules are taken as far as the file allows so many (assumed: blocks that a master
         adds).
         """
         wanted, most = len(self.user), self.gsd.most_parameters

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_USER", "PlugError", "UserParameters", "UserValue", "listed"]
 
-#: Octets of Set_Prm behind the seven of the standard.
+#: Octets of Set_Prm after the seven of the standard.
 MOST_USER: Final = 237
 
 

@@ -66,7 +66,7 @@ def _status_octets(status: int) -> bytes:
 
 
 class Diagnosis(Sized, sizes=range(6, MOST_DIAGNOSIS + 1), text="a diagnosis of {} octets"):
-    """``extended``: octets behind the first six, blocks one after the other."""
+    """``extended``: octets after the first six, blocks one after the other."""
 
     status: Annotated[int, Fixed("3s", lambda octets: int.from_bytes(octets, "little"), _status_octets)]
     master: UInt8
@@ -162,7 +162,7 @@ class V1Status3(IntEnum):
 
 
 class Parameters(Sized, sizes=range(7, 245), text="Set_Prm of {} octets"):
-    """``user``: the data behind the first seven octets, the three octets of DPV1 first where the slave has them.
+    """``user``: the data after the first seven octets, the three octets of DPV1 first where the slave has them.
 
     ``factors``: of the watchdog; ``min_tsdr``: bits, 0 to leave it as it is.
     """
@@ -216,7 +216,7 @@ class Identifier:
     outputs: int
     #: Whether the data are consistent as a whole, not just each unit of them.
     consistent: bool
-    #: Octets behind the length octets of a special format.
+    #: Octets after the length octets of a special format.
     specific: bytes = b""
     #: Whether the unit of the data is a word.
     input_words: bool = False

@@ -118,7 +118,7 @@ MAXIMUM_RESULTS = MAXIMUM_BODY // 8
 #: Stations whose answers to Identify wait for their time.
 PENDING_LIMIT = 16
 
-#: Where the Xid is in a frame: behind addresses, EtherType, frame id, service and its type.
+#: Where the Xid is in a frame: after addresses, EtherType, frame id, service and its type.
 _XID = 18
 _NONE = IPv4Address(0)
 _OPTIONS = frozenset({OPTION_IP, OPTION_DEVICE, OPTION_DHCP, OPTION_CONTROL, OPTION_INITIATIVE, OPTION_ALL})

@@ -98,7 +98,7 @@ class ImRecords:
         return ImText(block, text.ljust(size, padding)[:size]).emit()
 
     def write(self, slot: int, subslot: int, index: int, data: bytes) -> RecordError | None:
-        """I&M1 to I&M4.  Texts are visible characters; zeros behind them count as padding."""
+        """I&M1 to I&M4.  Texts are visible characters; zeros after them count as padding."""
         carrier = self._carrier(slot, subslot)
         block = self._block(carrier, index) if carrier is not None else None
         if carrier is None or block is None:

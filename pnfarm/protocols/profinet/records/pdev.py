@@ -1,6 +1,6 @@
 """The physical device: the records of the interface and of its ports (IEC 61158-6-10, coding of the field Index).
 
-Which records there are follows the DAP's submodules: subslots 0x8000, 0x8100 ... are interfaces, those behind them
+Which records there are follows the DAP's submodules: subslots 0x8000, 0x8100 ... are interfaces, those after them
 are their ports.  Real data are computed when they are read, from the interface's and the ports' facts and from
 the neighbours that LLDP knows; what a controller writes is checked, kept, and read back octet for octet.
 

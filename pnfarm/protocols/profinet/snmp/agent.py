@@ -292,7 +292,7 @@ def _exact(snapshot: MibSnapshot, name: Oid, version_1: bool) -> VarBind:
 
 
 def _next(snapshot: MibSnapshot, name: Oid, version_1: bool) -> VarBind:
-    """The first variable behind ``name``; version 1 skips those of a type that it does not have."""
+    """The first variable after ``name``; version 1 skips those of a type that it does not have."""
     names = snapshot.layout.names
     for place in range(snapshot.layout.after(name), len(names)):
         value = snapshot.get(names[place])

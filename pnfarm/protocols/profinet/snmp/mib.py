@@ -1,6 +1,6 @@
 """The management information base of a drive: which objects there are, and finding the next one.
 
-Objects are data: a :class:`Scalar` or a :class:`Table` says its name (RFC 2578: the object type's arcs, and behind them
+Objects are data: a :class:`Scalar` or a :class:`Table` says its name (RFC 2578: the object type's arcs, and after them
 0 or the row's index) and how to read its value from a :class:`~pnfarm.protocols.profinet.snmp.view.SnmpView`.  The
 names in their order, a :class:`MibLayout`, are sorted once and stay until a row comes or goes; a request then costs one
 view, and each of its variables one bisection and one read.
@@ -93,7 +93,7 @@ class MibLayout:
         self._types = sorted(types)
 
     def after(self, name: Oid) -> int:
-        """Place of the first instance behind ``name``; one past the last if there is none."""
+        """Place of the first instance after ``name``; one past the last if there is none."""
         return bisect_right(self.names, name)
 
     def has_type(self, name: Oid) -> bool:

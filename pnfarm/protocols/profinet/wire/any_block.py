@@ -33,7 +33,7 @@ def parse_blocks(data: bytes) -> tuple[Block, ...]:
 def read_blocks(data: bytes) -> tuple[tuple[Block, ...], tuple[str, ...]]:
     """As many blocks as can be read, for display; and a sentence for each one that cannot.
 
-    A block that does not follow its type stays a :class:`RawBlock`; behind a wrong length nothing more is read.
+    A block that does not follow its type stays a :class:`RawBlock`; after a wrong length nothing more is read.
     """
     reader = Reader(data)
     blocks: list[Block] = []
@@ -42,7 +42,7 @@ def read_blocks(data: bytes) -> tuple[tuple[Block, ...], tuple[str, ...]]:
         try:
             raw = RawBlock.read(reader)
         except DecodeError as exc:
-            wrong.append(f"behind {len(blocks)} blocks: {exc}")
+            wrong.append(f"after {len(blocks)} blocks: {exc}")
             break
         try:
             blocks.append(parse_block(raw))

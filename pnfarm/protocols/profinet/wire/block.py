@@ -1,7 +1,7 @@
 """The block: the unit that PDUs of PROFINET context management consist of (IEC 61158-6-10, BlockHeader).
 
 A block is ``BlockType u16, BlockLength u16, BlockVersionHigh u8, BlockVersionLow u8, body``; the
-length counts everything behind itself, so it is the body's plus two.  This file holds what all
+length counts everything after itself, so it is the body's plus two.  This file holds what all
 families share; the families are in :mod:`~pnfarm.protocols.profinet.wire.cm` and
 :mod:`~pnfarm.protocols.profinet.wire.records`, and :mod:`any_block` joins them.
 """
@@ -203,7 +203,7 @@ class RawBlock(Block):
 
 
 class Blocks(Codec):
-    """Blocks up to the end: of one of these kinds, else as they are; ``align``: each with padding behind it."""
+    """Blocks up to the end: of one of these kinds, else as they are; ``align``: each with padding after it."""
 
     def __init__(self, *kinds: type[Block], align: Align | None = None) -> None:
         self._kinds = {block_type: kind for kind in kinds for block_type in kind.TYPES}

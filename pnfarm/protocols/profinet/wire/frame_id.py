@@ -1,4 +1,4 @@
-"""Frame identifiers: the first two octets behind EtherType 0x8892 (IEC 61158-6-10, coding of the field FrameID)."""
+"""Frame identifiers: the first two octets after EtherType 0x8892 (IEC 61158-6-10, coding of the field FrameID)."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 (IEC 61158-6-10, PTCP-PDU).
 
 A drive of conformance class B takes no part in it; switches and controllers send it to its port.  Every PDU has a
-head of 20 octets behind its frame id, then TLVs up to the one of type End.
+head of 20 octets after its frame id, then TLVs up to the one of type End.
 """
 
 from __future__ import annotations

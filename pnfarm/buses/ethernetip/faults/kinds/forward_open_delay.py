@@ -22,7 +22,7 @@ class ForwardOpenDelay(LateMessages):
 KIND = InjectionKind(
     "forward-open-delay",
     "connection",
-    "Answers to Forward_Open and Large_Forward_Open leave late, and behind them all that follows on the same TCP "
+    "Answers to Forward_Open and Large_Forward_Open leave late, and after them all that follows on the same TCP "
     "connection.  The drive's own end of the connection is open before the answer leaves.",
     "an answer that is late",
     ForwardOpenDelay,

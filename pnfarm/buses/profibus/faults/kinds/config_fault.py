@@ -25,6 +25,6 @@ KIND = InjectionKind(
     ConfigFault,
     takes=HELD,
     place=75,
-    wire="Chk_Cfg is acknowledged; the diagnosis behind it has Cfg_Fault.",
+    wire="Chk_Cfg is acknowledged; the diagnosis after it has Cfg_Fault.",
     reports="S7: configuration error of the slave, station failure (OB86); CODESYS the same (assumed).",
 )

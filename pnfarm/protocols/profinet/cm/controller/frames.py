@@ -182,7 +182,7 @@ def plan_frames(plan: ArPlan) -> tuple[IocrLayout, ...]:
     inputs, outputs = divide(plan.submodules, own, (plan.input_crs, plan.output_crs))
     numbered = [(IocrType.INPUT, *one) for one in enumerate(inputs)]
     numbered += [(IocrType.OUTPUT, *one) for one in enumerate(outputs)]
-    # IOCRReferences count as those of the captured controllers: the inputs' from 1, the outputs' behind them
+    # IOCRReferences count as those of the captured controllers: the inputs' from 1, the outputs' after them
     return tuple(
         _layout(plan, iocr_type, number, reference, cr)
         for reference, (iocr_type, number, cr) in enumerate(numbered, start=1)

@@ -121,7 +121,7 @@ class ConnectRequest:
     alarm_crs: list[AlarmCrBlockReq]
     rpc: ArRpcBlockReq | None
     vendor: list[ArVendorBlockReq]
-    #: ARFSUDataAdjust of an ARFSUBlock: the block behind its two octets of padding.
+    #: ARFSUDataAdjust of an ARFSUBlock: the block after its two octets of padding.
     fsu_adjust: bytes = b""
 
 

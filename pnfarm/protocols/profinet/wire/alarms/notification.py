@@ -111,7 +111,7 @@ class Usi(Code):
     PROCESS_ALARM_REASON = 0x8320
 
 
-#: Octets of one entry behind the identifier; every other item fills the rest of its block.
+#: Octets of one entry after the identifier; every other item fills the rest of its block.
 _ENTRY_SIZE: dict[int, int] = {
     Usi.CHANNEL_DIAGNOSIS: 6,
     Usi.EXT_CHANNEL_DIAGNOSIS: 12,

@@ -1,7 +1,7 @@
 """RTA-PDU: what carries alarms, their acknowledgements and the end of an AR (IEC 61158-6-10, RTA-PDU).
 
 ``FrameID u16, AlarmDstEndpoint u16, AlarmSrcEndpoint u16, PDUType u8, AddFlags u8, SendSeqNum u16, AckSeqNum u16,
-VarPartLen u16, VarPart``, behind EtherType 0x8892.  The endpoints are the alarm references that both ends exchanged at
+VarPartLen u16, VarPart``, after EtherType 0x8892.  The endpoints are the alarm references that both ends exchanged at
 Connect.  A DATA-RTA-PDU carries one alarm block, an ERR-RTA-PDU a PNIOStatus, the other two nothing.
 """
 
@@ -52,7 +52,7 @@ TACK = 0x10
 #: SendSeqNum of the first DATA-RTA-PDU, and AckSeqNum of an end that has received none.
 FIRST_SEND = 0xFFFF
 FIRST_ACK = 0xFFFE
-#: Behind the first number the counters run from 0 to here and start again.
+#: After the first number the counters run from 0 to here and start again.
 _HIGHEST_SEQUENCE = 0x7FFF
 
 _ERR_PDU = RTA_VERSION << 4 | RtaType.ERR

@@ -75,7 +75,7 @@ _SERVICES = frozenset({SERVICE_GET, SERVICE_SET, SERVICE_IDENTIFY, SERVICE_HELLO
 
 @dataclass(frozen=True, slots=True)
 class DcpPdu:
-    """One DCP frame behind its EtherType.
+    """One DCP frame after its EtherType.
 
     ``requested`` is filled in a Get request only, ``blocks`` in all others; ``undecoded`` keeps the octets of
     a service that the standard does not name.
@@ -94,7 +94,7 @@ class DcpPdu:
 def parse_dcp(data: bytes | bytearray | memoryview) -> DcpPdu:
     """PDU from an Ethernet payload; padding of the frame is cut off.
 
-    Reasons: ``bad-type`` (no frame id of DCP), ``short`` (a length points behind the end).
+    Reasons: ``bad-type`` (no frame id of DCP), ``short`` (a length points after the end).
     """
     reader = Reader(data)
     frame_id = reader.u16()

@@ -56,7 +56,7 @@ _SUBTYPE_MAC_PHY = 1
 #: dot3MauType 16.
 MAU_100BASE_TX_FULL_DUPLEX = 0x0010
 
-#: Octets of a text, or of an identifier behind its subtype.
+#: Octets of a text, or of an identifier after its subtype.
 LONGEST_TEXT = 255
 
 
@@ -133,7 +133,7 @@ class ProfinetSubtype(IntEnum):
 
 
 class Tlv(Structure):
-    """A TLV by its value, behind organisation and subtype in those of an organisation."""
+    """A TLV by its value, after organisation and subtype in those of an organisation."""
 
     #: Type, and the octets that a value of this kind begins with.
     KIND: ClassVar[tuple[int, bytes]]
@@ -322,7 +322,7 @@ class RawTlv(Tlv):
 
 
 def shape_tlv(kind: int, value: bytes) -> Tlv:
-    """The TLV behind the first three; one whose value does not have its type's shape stays raw."""
+    """The TLV after the first three; one whose value does not have its type's shape stays raw."""
     prefix = value[:4] if kind == TlvType.ORGANIZATION and len(value) >= 4 else b""
     if (shape := Tlv.KINDS.get((kind, prefix))) is not None:
         with suppress(DecodeError):

@@ -35,7 +35,7 @@ def parse_container(data: bytes) -> tuple[ContainerContent, ...]:
 
 
 def emit_container(contents: Iterable[ContainerContent]) -> bytes:
-    """The record's octets: padding between the blocks, none behind the last."""
+    """The record's octets: padding between the blocks, none after the last."""
     w = Writer()
     for content in contents:
         content.write(w.align(4))

@@ -159,7 +159,7 @@ def emit_write_request(header: IodWriteReqHeader, data: bytes) -> bytes:
 
 
 def emit_multiple_write_request(header: IodWriteReqHeader, writes: Iterable[RecordWrite]) -> bytes:
-    """A multiple write: padding to four octets between the records, none behind the last."""
+    """A multiple write: padding to four octets between the records, none after the last."""
     body = Writer()
     for write in writes:
         body.align(4).bytes(emit_write_request(write.header, write.data))

@@ -1,7 +1,7 @@
 """What a controller expects of a port and sets there: the blocks inside of PDPortDataCheck and PDPortDataAdjust.
 
 IEC 61158-6-10, PDev.  Fields align to four octets from the start of their block's header; what pads a block up to four
-octets may lie inside or behind it, senders differ.  A block of a type without codec stays a :class:`RawBlock`.
+octets may lie inside or after it, senders differ.  A block of a type without codec stays a :class:`RawBlock`.
 """
 
 from enum import IntEnum
@@ -211,6 +211,6 @@ class AdjustPreambleLength(SubBlock, types=PdevBlockType.ADJUST_PREAMBLE_LENGTH)
 
 
 def read_sub_block(raw: RawBlock) -> Block:
-    """Reasons: ``short``, ``trailing`` (more than padding behind the block's fields)."""
+    """Reasons: ``short``, ``trailing`` (more than padding after the block's fields)."""
     kind = SubBlock.KINDS.get(raw.block_type)
     return raw if kind is None else kind.of(raw)
