@@ -63,7 +63,7 @@ class Program(Section):
         "`kind`.",
     )
     class_name: Annotated[str, Field(min_length=1)] | None = Field(
-        default=None, alias="class", description="Its class; left out where the file has one only."
+        default=None, alias="class", description="Its class; left out if the file has only one."
     )
     limit_ns: Annotated[Duration, between(LEAST_LIMIT_NS, MOST_LIMIT_NS, "1ms to 60s")] = Field(
         default=1_000_000_000,

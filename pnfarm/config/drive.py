@@ -38,7 +38,7 @@ Identity = Annotated[
     Field(
         description="Identity of the drive where it differs from the model's. `gsdml: FILE` takes vendor, device, "
         "access point, modules, submodules and order number from the maker's own file (PROFINET), `gsd: FILE` ident "
-        "number, names, telegrams and octets of Set_Prm (PROFIBUS); other keys count before it."
+        "number, names, telegrams and octets of Set_Prm (PROFIBUS); other keys have priority over it."
     ),
 ]
 
@@ -85,7 +85,7 @@ class DriveGroup(DescribedSection):
         default_factory=dict,
         max_length=2,
         description="Words of the free telegram, `output` from the controller and `input` to it, by the names of the "
-        "model's signals; `-` is a word without one, a double word is named once.",
+        "model's signals; `-` is an unused word, a double word is named once.",
         examples=[{"output": ["STW1", "NSOLL_B"], "input": ["ZSW1", "NIST_B", "MIST_GLATT"]}],
     )
     faults: list[OwnFault] = Field(

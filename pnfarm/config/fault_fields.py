@@ -61,13 +61,18 @@ class FaultFields(Section):
     after_ns: Duration = Field(default=0, alias="after", description="Begin after this time.")
     count: int | None = Field(default=None, ge=1, le=MOST_COUNT, description="End after this many occurrences.")
     for_ns: Duration | None = Field(default=None, alias="for", description="End after this time.")
-    cycles: int | None = Field(default=None, ge=1, le=MOST_COUNT, description="Cycles of the connection, then it ends.")
+    cycles: int | None = Field(
+        default=None, ge=1, le=MOST_COUNT, description="End after this many cycles of the connection."
+    )
     share: Share | None = Field(
         default=None,
         description="Only this percentage of the drives that `on` matches, at least one, chosen by the seed.",
     )
     most: int | None = Field(
-        default=None, ge=1, le=MOST_COUNT, description="At most so many of the drives that `on` matches, by the seed."
+        default=None,
+        ge=1,
+        le=MOST_COUNT,
+        description="At most this many of the drives that `on` matches, chosen by the seed.",
     )
     rate: Rate | None = Field(
         default=None,

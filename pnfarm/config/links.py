@@ -56,14 +56,14 @@ class LineWay(Section):
     )
     baud: Annotated[int, Field(ge=9_600, le=12_000_000)] | Literal["auto"] = Field(
         default=USUAL_BAUD,
-        description="Bits per second; a pty and TCP have none of their own, and count by it.  `auto`: what the master "
-        "has, found by trying; of a port.",
+        description="Bits per second; a pty and TCP have no rate, and take their times from it.  `auto`, for a port "
+        "only: the master's rate, found by trying.",
     )
     latest_answer: Literal["auto", "tsdr", "any"] | Duration = Field(
         default="auto",
-        description="A drive's answer that would begin later after its request is withheld and counted. `tsdr`: what "
-        "the bus permits at this rate; `any`: none is withheld. `auto`: `tsdr` on a port up to 1.5 Mbit/s and on a "
-        "pty up to 500 kbit/s, otherwise `any`.",
+        description="Time after a request within which a drive's answer must begin; a later one is withheld and "
+        "counted. `tsdr`: what the bus permits at this rate; `any`: none is withheld. `auto`: `tsdr` on a port up to "
+        "1.5 Mbit/s and on a pty up to 500 kbit/s, otherwise `any`.",
         examples=["auto", "5ms"],
     )
 
@@ -103,8 +103,8 @@ class MacvlanLink(_WithLines):
         default="auto",
         description="Where cyclic frames and LLDP leave: each drive's own interface, or the parent, which costs less "
         "but does not reach another macvlan on it. `auto`: the parent, unless the peer is such a macvlan. `xdp`: as "
-        "auto, and through the parent by AF_XDP, which costs a fifth less again; `tcpdump` on the parent does not show "
-        "what is sent so. With a capture, own.",
+        "auto, and through the parent by AF_XDP, which costs another fifth less; `tcpdump` on the parent does not show "
+        "these frames. With a capture, own.",
     )
 
 

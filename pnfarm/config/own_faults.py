@@ -20,7 +20,7 @@ Name = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,80}$")]
 class OwnFault(Section):
     """One fault or warning, by its number."""
 
-    number: int = Field(ge=1, lt=1 << 16, description="Its number; one of the model's is replaced.")
+    number: int = Field(ge=1, lt=1 << 16, description="Its number; it replaces the model's with this number.")
     name: Name = Field(description="Its text.")
     kind: Literal["fault", "warning"] = Field(default="fault", description="A warning leaves the axis running.")
     reaction: Literal["coast", "quick-stop"] = Field(default="coast", description="How a fault stops the axis.")

@@ -161,7 +161,9 @@ class PlantModel(Section):
     on_failure: OnFailure | None = Field(
         default=None, description="Outputs of an FMU that has failed: held, or the values of those that are named."
     )
-    step_ns: Step | None = Field(default=None, alias="step", description="Time between its steps; the plant's.")
+    step_ns: Step | None = Field(
+        default=None, alias="step", description="Time between its steps; left out, the plant's."
+    )
     metrics: Annotated[list[PortName], Field(max_length=MOST_EXPORTED)] | bool = Field(
         default=False, description="Ports to export as pnfarm_signal_value{station, signal}; true: all of them."
     )

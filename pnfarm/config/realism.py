@@ -104,7 +104,7 @@ def _range_schema(kind: dict[str, Any]) -> WithJsonSchema:
 
 
 class Noise(Section):
-    """Noise added to measured values: effective values of the noise, which is drawn in each firmware step."""
+    """Noise added to measured values: its RMS values; each firmware step has a new random value."""
 
     velocity: Annotated[
         float | str | None, PlainValidator(_amount("velocity_noise", "rpm")), _amount_schema("velocity_noise")

@@ -119,7 +119,7 @@ class TraceRequest:
                     "description": "Signals, globs over them, DEVICE.SIGNAL; GET traces/signals/{name} lists them.",
                 },
                 "trigger": {"type": "string", "default": "now", "description": f"When time 0 is: {TRIGGER}."},
-                "pre": {**duration, "default": "0ns", "description": "How much to keep from before the trigger."},
+                "pre": {**duration, "default": "0ns", "description": "How long to record before the trigger."},
                 "length": {**duration, "default": "1s", "description": "How long to sample from the trigger on."},
                 "every": {
                     "type": "integer",

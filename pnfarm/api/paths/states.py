@@ -54,7 +54,7 @@ def add_states(path: Paths, states: StatesHost) -> None:
 
     @path("PUT states/{name}", StateAnswer, role=Role.ADMIN)
     async def put_state(name: str) -> Json:
-        """Save the state of the whole farm under this name, also over an earlier one."""
+        """Save the state of the whole farm under this name; an earlier one is replaced."""
         return Json(await states.save(name))
 
     @path("POST states/{name}/restore", StateAnswer, role=Role.ADMIN)

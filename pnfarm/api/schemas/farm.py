@@ -66,8 +66,8 @@ class StandingView(Schema):
     memory_reason: str = Field(description="Why not; empty if it can.")
     lease: str = Field(description="held, lost or waiting: without it being held, the drives are mute.")
     renewed_seconds_ago: float | None
-    ttl_seconds: float | None = Field(description="After so long without a renewal, others may run the drives.")
-    mute_after_seconds: float | None = Field(description="After so long without a renewal, the drives are mute.")
+    ttl_seconds: float | None = Field(description="Time without a renewal after which others may run the drives.")
+    mute_after_seconds: float | None = Field(description="Time without a renewal after which the drives are mute.")
     held_by: Other | None = Field(description="Who runs the drives instead.")
 
 

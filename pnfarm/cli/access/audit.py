@@ -23,7 +23,7 @@ def check(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="The audit log; before it, oldest first, those that were moved away.",
+            help="The audit log; earlier parts that were moved away come before it, oldest first.",
             show_default=False,
         ),
     ],
@@ -33,9 +33,9 @@ def check(
     ] = None,
     output: FormatOption = Format.TABLE,
 ) -> int:
-    """Check that no line was changed, added or taken out; prints the last number and digest, to be noted elsewhere.
+    """Check that no line was changed, added or removed; print the last number and digest, to be noted elsewhere.
 
-    Exit codes: 0 it is whole, 1 it is not, 2 it cannot be read.
+    Exit codes: 0 it is intact, 1 it is not, 2 it cannot be read.
     """
     from pnfarm.api.access.audit_check import check_audit
 

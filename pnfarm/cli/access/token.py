@@ -25,7 +25,7 @@ _DAYS = re.compile(r"([0-9]{1,5}) ?d")
 @app.command("add")
 def add(
     file: TokensArgument,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Whose it is.", show_default=False)],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of its user.", show_default=False)],
     role: Annotated[
         str, typer.Option(metavar="ROLE", help="What it may do: read, inject (also disturb), admin (everything).")
     ] = "read",
@@ -35,7 +35,7 @@ def add(
 ) -> None:
     """Add a token, and the file where there is none; prints its secret, this once.
 
-    Running farms take it at once.
+    Running farms accept it at once.
     """
     from pnfarm.api.access.token_file import add_token
     from pnfarm.web.roles import Role
@@ -48,7 +48,7 @@ def add(
 
 @app.command("list")
 def show(file: TokensArgument, output: FormatOption = Format.TABLE) -> None:
-    """List the tokens of a file, without their secrets, which nobody has kept."""
+    """List the tokens of a file, without their secrets, which are not stored."""
     from pnfarm.api.access.token_file import read_tokens
 
     now = time.time()
@@ -74,7 +74,7 @@ def show(file: TokensArgument, output: FormatOption = Format.TABLE) -> None:
 @app.command("remove")
 def remove(
     file: TokensArgument,
-    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="Whose.", show_default=False)],
+    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="Names of their users.", show_default=False)],
 ) -> None:
     """Remove tokens; running farms refuse them at once."""
     from pnfarm.api.access.token_file import remove_tokens

@@ -35,7 +35,7 @@ def command(
         typer.Option(min=0.1, max=3600, help="Length of each measurement; default: depends on the benchmark."),
     ] = None,
 ) -> None:
-    """Run the benchmarks, and compare the farm with the floor of this machine.
+    """Run the benchmarks, and compare the farm with a minimal loop on this machine (the floor).
 
     Exit codes: 1 a goal was missed; 3 none was missed, but one could not be judged, because of other load.
     """

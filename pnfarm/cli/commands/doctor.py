@@ -58,7 +58,7 @@ def doctor(
 ) -> None:
     """Check whether this machine can run a farm, and show how to fix what is missing.
 
-    Exit code 4 if this machine lacks something; 1 if it does not, and FILE keeps a PLC from being green.
+    Exit code 4: this machine lacks something; 1: it does not, but a station of FILE would not be green in the PLC.
     """
     from pnfarm.cli.farm_file import counted, read, shard_option
     from pnfarm.farm.doctor.machine import examine

@@ -145,11 +145,11 @@ def add(
     share: Annotated[
         str | None, typer.Option(metavar="PERCENT", help="Only this part of the drives, such as 25%, by the seed.")
     ] = None,
-    most: Annotated[int | None, typer.Option(help="At most so many of the drives, by the seed.")] = None,
+    most: Annotated[int | None, typer.Option(help="At most N of the drives, chosen by the seed.")] = None,
     rate: Annotated[
         str | None, typer.Option(metavar="RATE", help="Begin repeatedly at random, at this rate, such as 2/min.")
     ] = None,
-    times: Annotated[int | None, typer.Option(help="With --rate: begin so often on each drive.")] = None,
+    times: Annotated[int | None, typer.Option(help="With --rate: begin N times on each drive.")] = None,
     ttl: Annotated[
         str | None, typer.Option(metavar="TIME", help="End after this time unless it is renewed, such as 10s.")
     ] = None,

@@ -101,7 +101,7 @@ def importing(
     devices: Annotated[
         bool,
         typer.Option(
-            "--devices", help="Take no drive model: a capture's drives become devices, too, if their bus has such."
+            "--devices", help="Use no drive model: a capture's drives become devices, too, if their bus supports it."
         ),
     ] = False,
     force: Annotated[

@@ -48,7 +48,7 @@ LineOption = Annotated[
     typer.Option(
         "--line",
         metavar="WAY",
-        help="Ask a station on a serial line that no other master uses, rather than the farm: path of a pty or port, "
+        help="Ask a station on a serial line without another master, not the farm: path of a pty or port, "
         "HOST:PORT, or rfc2217://HOST:PORT.",
         show_default=False,
     ),

@@ -40,7 +40,7 @@ def save(
     token: TokenOption = None,
     tls_ca: TlsCaOption = None,
 ) -> None:
-    """Save the farm as it is now, also over an earlier state of that name: drives, devices, plant."""
+    """Save the farm as it is now: drives, devices, plant. An earlier state of that name is replaced."""
     _do(lambda farm: farm.put("states", name, body={}), f"saved {name}", output, api, token, tls_ca)
 
 

@@ -55,7 +55,7 @@ def trace(
             "each also with `on DRIVE`."
         ),
     ] = "now",
-    pre: Annotated[str, typer.Option(metavar="TIME", help="How much to keep from before the trigger.")] = "0s",
+    pre: Annotated[str, typer.Option(metavar="TIME", help="How long to record before the trigger.")] = "0s",
     length: Annotated[str, typer.Option(metavar="TIME", help="How long to record from the trigger on.")] = "1s",
     every: Annotated[
         int | None, typer.Option(metavar="N", help="A sample every N engine steps (milliseconds); default: every step.")

@@ -164,7 +164,7 @@ def _open_api(value: Any) -> Any:
 
 
 class Realtime(Section):
-    """How the cyclic engine's thread runs.  `pnfarm doctor` says what this machine permits."""
+    """How the cyclic engine's thread runs.  `pnfarm doctor` shows what this machine permits."""
 
     cpu: int | None = Field(default=None, ge=0, le=4095, description="CPU to run on; left out, any.")
     fifo: int = Field(
@@ -184,8 +184,8 @@ class Realtime(Section):
     mlockall: bool = Field(default=False, description="Lock all memory in RAM.")
     timestamps: bool = Field(
         default=True,
-        description="Whether a frame arrives when the kernel stamps it, so that the controller's intervals are exact; "
-        "without, when the engine looks at the next tick.",
+        description="Whether a frame's time is the kernel's stamp, so that the controller's intervals are exact; "
+        "otherwise it is that of the engine's next tick.",
     )
     timer_slack_ns: int = Field(
         default=1, ge=1, le=1_000_000_000, description="Timer slack of the engine's thread, nanoseconds."
@@ -198,8 +198,8 @@ class Lease(Section):
     ttl_ns: Annotated[Duration, AfterValidator(_within_ttl)] = Field(
         default=DEFAULT_TTL_NS,
         alias="ttl",
-        description="After so long without a renewal another process may run the drives; these are mute a fifth of it "
-        "earlier. It is renewed each second, and with a short one more often.",
+        description="Time without a renewal after which another process may run the drives; the drives here are mute a "
+        "fifth of it earlier. It is renewed each second, more often if it is short.",
     )
 
 

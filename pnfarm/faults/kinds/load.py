@@ -25,8 +25,8 @@ class AddedLoad(StandingEffect):
 KIND = InjectionKind(
     "load",
     "drive",
-    "The machine adds load to the shaft, on top of the load of the farm file; several add up.  The drive's "
-    "controllers stay tuned for the load without it.",
+    "The machine adds load to the shaft, in addition to the load of the farm file; several add up.  The drive's "
+    "control loops stay tuned for the load without it.",
     "the change",
     AddedLoad,
     {

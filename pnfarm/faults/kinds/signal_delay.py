@@ -65,7 +65,7 @@ KIND = InjectionKind(
     "signal-delay",
     "signals",
     "Each change of an input of a device reaches the controller late, as through a long filter time.  The signal is "
-    "looked at every 5 ms; a shorter pulse is lost.",
+    "read every 5 ms; a shorter pulse is lost.",
     "a change that arrives late",
     Delayed,
     {"signal": SIGNAL, "delay": ParamSpec("duration", "How late; at most 1min.", default="500ms")},

@@ -1,4 +1,4 @@
-"""signal-flicker: an input of the controller changes to and fro."""
+"""signal-flicker: an input of the controller alternates between two values."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ def _misfits(values: dict[str, Any]) -> Misfits:
 KIND = InjectionKind(
     "signal-flicker",
     "signals",
-    "An input of a device changes to and fro: a loose contact, a part at the edge of a sensor's range.",
+    "An input of a device alternates between two values: a loose contact, a part at the edge of a sensor's range.",
     "a change away from the value",
     Flickering,
     {
         "signal": SIGNAL,
-        "period": ParamSpec("duration", "Of one change to and fro; 10ms or more.", default="100ms"),
+        "period": ParamSpec("duration", "Of one change to the other value and back; 10ms or more.", default="100ms"),
         "value": ParamSpec(
             "text", "What it changes to; left out, the opposite of a bit.", other="a value of the signal's type"
         ),

@@ -27,7 +27,7 @@ class Inverted(SignalEffect):
 KIND = InjectionKind(
     "signal-invert",
     "signals",
-    "A bit of a device goes inverted to the controller: a normally closed contact in place of a normally open one.",
+    "A bit of a device reaches the controller inverted: a normally closed contact in place of a normally open one.",
     "the inversion",
     Inverted,
     {"signal": SIGNAL},

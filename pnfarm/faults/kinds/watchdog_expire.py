@@ -19,7 +19,7 @@ KIND = InjectionKind(
     "watchdog-expire",
     "connection",
     "The drive behaves as if its data hold timer had run out, although the controller's frames arrive: the "
-    "connection ends (ERR-RTA-PDU), and the drive takes its fault for that.",
+    "connection ends (ERR-RTA-PDU), and the drive raises its fault of a lost connection.",
     "one broken connection; without `count` and `for` it happens once",
     WatchdogExpire,
     takes=EACH,

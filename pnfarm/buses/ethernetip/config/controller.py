@@ -22,9 +22,9 @@ RequestTime = Annotated[Duration, between(LEAST_REQUEST_NS, MOST_REQUEST_NS, "10
 
 
 class EdsDevice(Section):
-    """A device that no model describes: its maker's EDS file does."""
+    """A device without a model, described by its maker's EDS file."""
 
-    name: NamePattern = Field(description="Its name here; the wire has none.")
+    name: NamePattern = Field(description="Its name in this file; on the wire it has none.")
     eds: str = Field(min_length=1, description="Its EDS file, relative to this file.")
     ip: Cidr = Field(description="Its address.")
     connection: str | None = Field(
@@ -68,7 +68,7 @@ class EthernetIpController(IpController):
     connection: Literal["exclusive-owner", "input-only", "listen-only"] = Field(
         default="exclusive-owner",
         description="exclusive-owner: it commands the drives; input-only: it receives their data only; listen-only: "
-        "the same beside an owner whose drives send to a group, and as long as that owner is connected.",
+        "the same, as long as an owner is connected whose drives send to a multicast group.",
     )
     multicast: bool = Field(
         default=False,

@@ -19,8 +19,8 @@ _LOST: Final = (
     "Logix: module fault 16#0203, connection timed out. CODESYS: the adapter goes to its error state (assumed)."
 )
 _TCP: Final = (
-    "What is on TCP comes 200 ms later, as TCP repeats it, and again each time it is hit; TCP connections are "
-    "made, and the kernel answers ARP and ping, meanwhile"
+    "Lost data of TCP come 200 ms later, when TCP repeats them, and later still if they are lost again; meanwhile TCP "
+    "connections can be opened, and the kernel answers ARP and ping"
 )
 
 
@@ -53,7 +53,7 @@ _FRAMES: Final = {
     "corrupt": _on(
         "Inverted bits in a packet whose UDP checksum is as before, so that its receiver drops it: it sees a lost "
         "packet. With `mend` the checksums of IPv4 and UDP are right again, and it sees wrong data, or a packet for "
-        "nobody. In messages on TCP and in datagrams of port 44818 all checksums fit the inverted bits: the other "
+        "no receiver. In messages on TCP and in datagrams of port 44818 all checksums fit the inverted bits: the other "
         "end sees them as data; so does the drive, for cyclic packets that it gets with `mend`.",
         f"Without `mend`: as loss. With it: wrong input data, which no check finds. {_LOST}",
     ),
@@ -126,7 +126,7 @@ _CONNECTION: Final = {
         "A slower start-up; MSG instructions take longer, or end by their time-out.",
     ),
     "rpc-silence": _on(
-        "Messages of port 44818 in the given direction are gone as a whole: the drive acknowledges octets on TCP, and "
+        "Whole messages of port 44818 are lost in the given direction: the drive acknowledges octets on TCP, and "
         "answers nothing.",
         "A running connection stays; MSG instructions end by their time-out, and a new connection is not made (Logix: "
         "module fault 16#0204, connection request timed out; CODESYS (assumed) the same).",
@@ -143,7 +143,7 @@ _CONNECTION: Final = {
     ),
     "watchdog-expire": _on(
         "The drive behaves as if the originator's packets had not come for the time of the timeout: its packets end, "
-        "its TCP connection closes, and it takes F702.",
+        "its TCP connection closes, and it raises F702.",
         f"{_LOST} The connection is opened again.",
     ),
     "record-error": _on(
@@ -197,7 +197,7 @@ _DRIVE: Final = {
     ),
 }
 
-_NO_STATUS: Final = "its own direction has no header that could say so"
+_NO_STATUS: Final = "its packets have no header with such a status"
 _NO_ALARM: Final = "EtherNet/IP has no alarms, a program polls what it wants to know"
 _NO_LIFE: Final = (
     "its assemblies have no sign of life; sequence-freeze with `which: count` freezes its data while packets arrive"
@@ -205,14 +205,14 @@ _NO_LIFE: Final = (
 _NO_MODULES: Final = "its drive has no modules in slots; identity-change makes keying fail"
 _REFUSED: Final = {
     "duplicate-ip": _no(
-        "its address belongs to the machine's own network, which answers ARP for it and knows no conflict; a second "
-        "station would change what this machine knows, and nothing of the drive"
+        "its address belongs to this machine's network stack, which answers ARP and detects no conflict; a second "
+        "station would change the machine's ARP table, not the drive"
     ),
     "duplicate-name": _no("drives are found by address, and a host name may be there twice"),
     "provider-stop": _no(
-        f"{_NO_STATUS}: it has no run/idle header; the other direction has one, and idle is the controller's to say"
+        f"{_NO_STATUS}: only the controller's packets have a run/idle header, and only a controller can be idle"
     ),
-    "data-invalid": _no(f"{_NO_STATUS}, and no packet is valid or not"),
+    "data-invalid": _no(_NO_STATUS),
     "iops-bad": _no("its packets have no provider status"),
     "iocs-bad": _no("its packets have no consumer status"),
     "cycle-counter-freeze": _no("its packets have no cycle counter; sequence-freeze freezes their sequence"),

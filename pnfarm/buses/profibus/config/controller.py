@@ -35,13 +35,13 @@ class ProfibusController(ControllerSection):
     cycle_ns: Cycle = Field(
         default=10_000_000,
         alias="cycle",
-        description="Least time between two polls of a slave; where the line is slower, as fast as it goes.",
+        description="Shortest time between two polls of a slave; a slower line polls as fast as it can.",
     )
     watchdog_ns: Watchdog = Field(
         default=200_000_000,
         alias="watchdog",
-        description="After which time without a poll a slave clears its outputs, as far as the factors of Set_Prm can "
-        "say it; 0ms: never.",
+        description="Time without a poll after which a slave clears its outputs, as exact as the factors of Set_Prm "
+        "allow; 0ms: never.",
     )
     telegram: int | None = Field(
         default=None, ge=0, le=65535, description="Telegram of the drives; left out, the drive's own selection."

@@ -68,8 +68,8 @@ class ProfibusDevices(DeviceGroup):
     slots: dict[Slot, SlotSetting] = Field(
         default_factory=dict,
         description=f"On PROFIBUS: slot, from 1: {_NAMED} of the module in it, or a mapping with module and "
-        "parameters; null for an empty slot. What the file fixes is there without being named. Slot 0, with parameters "
-        "alone, is the station.",
+        "parameters; null for an empty slot. Modules that the file fixes need not be named. Slot 0, with parameters "
+        "only, is the station.",
         examples=[
             {
                 0: {"parameters": {"Diagnosis": "on"}},

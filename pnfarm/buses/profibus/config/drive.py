@@ -37,7 +37,7 @@ class ProfibusDrives(DriveGroup):
         min_length=1,
         max_length=4096,
         description="The maker's GSD file, relative to this file: ident number, names, telegrams and their "
-        "identifiers, octets of Set_Prm are its. `identity: {gsd: FILE}` means the same.",
+        "identifiers, octets of Set_Prm are taken from it. `identity: {gsd: FILE}` means the same.",
     )
     control_unit: Address | None = Field(
         default=None,

@@ -14,9 +14,9 @@ __all__ = ["GsdDevice"]
 
 
 class GsdDevice(Section):
-    """A slave that no model describes: its maker's GSD file does."""
+    """A slave without a model, described by its maker's GSD file."""
 
-    name: NamePattern = Field(description="Its name here; the line has none.")
+    name: NamePattern = Field(description="Its name in this file; on the line it has none.")
     gsd: str = Field(min_length=1, description="Its GSD file, relative to this file.")
     address: Address = Field(description="Its station address.")
     modules: list[Annotated[str, Field(min_length=1)] | int | None] = Field(

@@ -110,12 +110,12 @@ _CONNECTION: Final = {
     ),
 }
 
-_SHOWN: Final = "ZSW1.3 is set, and the slave asks for a diagnosis where that has more than six octets"
+_SHOWN: Final = "ZSW1.3 is set, and the slave reports a diagnosis if it has more than six octets"
 _SEEN: Final = "The program sees it in ZSW1; with an extended diagnosis, S7: diagnostic interrupt (OB82)."
 _DRIVE: Final = {
     "drive-fault": _on(f"{_SHOWN}; the power stage goes off if the fault's reaction says so.", _SEEN),
     "drive-warning": _on("ZSW1.7 is set.", "The bus reports nothing: the program sees it in ZSW1."),
-    "fault-not-acknowledging": _on(f"{_SHOWN} and stays, whatever acknowledges.", _SEEN),
+    "fault-not-acknowledging": _on(f"{_SHOWN}; ZSW1.3 stays set, whatever acknowledges.", _SEEN),
     **{
         cause: _on(f"{_SHOWN}, and ZSW1.2 falls.", _SEEN)
         for cause in ("undervoltage", "encoder-error", "following-error", "sto")

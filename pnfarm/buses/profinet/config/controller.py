@@ -35,13 +35,13 @@ class ParameterRecord(Section):
 
 
 class ForeignDevice(Section):
-    """A device that no model describes: its maker's GSDML file does."""
+    """A device without a model, described by its maker's GSDML file."""
 
     name: NamePattern = Field(description="Its station name.")
     gsdml: str = Field(min_length=1, description="Its GSDML file, relative to this file.")
     dap: str | None = Field(
         default=None,
-        description="ID, order number or name of the access point; left out where the GSDML file has one only.",
+        description="ID, order number or name of the access point; left out if the GSDML file has only one.",
     )
     modules: dict[Place, str | None] = Field(
         default_factory=dict,
@@ -82,8 +82,8 @@ class ProfinetController(IpController):
     cycle_ns: Cycle | None = Field(
         default=None,
         alias="cycle",
-        description="Cycle of the IO data; left out, what factor and ratio say, or 16ms (a drive's slowest where that "
-        "is faster, a device's fastest where that is slower).",
+        description="Cycle of the IO data; left out, that of factor and ratio, or 16ms (a drive's slowest if that is "
+        "faster, a device's fastest if that is slower).",
     )
     send_clock_factor: Literal[1, 2, 4, 8, 16, 32, 64, 128] | None = Field(
         default=None, description="Send clock in units of 31.25 us; left out, it follows from the cycle."

@@ -79,17 +79,17 @@ class ProfinetDevices(IpDevices):
         description="Its maker's GSDML file, relative to this file: a device on PROFINET.",
     )
     access_point: Wanted | None = Field(
-        default=None, description=f"{WANTED} of the access point; left out where the GSDML file has one only."
+        default=None, description=f"{WANTED} of the access point; left out if the GSDML file has only one."
     )
     slots: dict[Place, SlotSetting] = Field(
         default_factory=dict,
         description=f"Slot: {WANTED} of the module in it, or a mapping with module, submodules and parameters; null "
-        "for an empty slot. What the file fixes or plugs at first is there without being named.",
+        "for an empty slot. Modules that the file fixes or plugs at first need not be named.",
         examples=[{1: "16DI", 2: {"module": "8DO", "parameters": {"substitute": "hold"}}}],
     )
     hello: bool = Field(
         default=False,
-        description="Whether the device says DCP Hello at power-on; a controller's fast start-up record overrides it.",
+        description="Whether the device sends DCP Hello at power-on; a controller's fast start-up record overrides it.",
     )
     cycle_ns: Cycle | None = Field(
         default=None, alias="cycle", description="Cycle at which the built-in controller runs these devices."

@@ -31,7 +31,7 @@ class ProfinetAxis(AxisGroup):
         default=None,
         ge=1,
         le=MAX_SLOT,
-        description="Slot of its module; left out, the one after the axis before it.",
+        description="Slot of its module; left out, the next one after the previous axis.",
     )
     supplementary: int | None = Field(
         default=None, ge=0, le=_U16, description="Supplementary telegram beside it; left out, the drive's."
@@ -58,7 +58,7 @@ class ProfinetDrives(IpDrives):
         min_length=1,
         max_length=4096,
         description="The maker's GSDML file, relative to this file: vendor, device, access point, modules, submodules "
-        "and order number are its. `identity: {gsdml: FILE}` means the same.",
+        "and order number are taken from it. `identity: {gsdml: FILE}` means the same.",
     )
     access_point: Wanted | None = Field(
         default=None, description=f"{WANTED} of the file's access point; left out, the one with most telegrams."
@@ -72,9 +72,9 @@ class ProfinetDrives(IpDrives):
     )
     isochronous: Literal["refuse", "ignore"] = Field(
         default="refuse",
-        description="What becomes of the records with which a controller asks for isochronous operation "
-        "(IsochronousModeData, PDIRData, PDSyncData): ignore takes and keeps them, and the drive runs in RT without "
-        "the clock. A connection with RT class 3 (IRT) is refused either way.",
+        description="Records with which a controller requests isochronous operation (IsochronousModeData, PDIRData, "
+        "PDSyncData): refuse them, or ignore them: the drive keeps them and runs in RT without the clock. A connection "
+        "with RT class 3 (IRT) is refused either way.",
     )
     hello: bool = Field(
         default=False,

@@ -30,8 +30,8 @@ __all__ = ["ERROR_TYPES", "EXT_TYPES", "NEVER_BY_ITSELF", "OWN_ALARM_PARAMS", "o
 
 #: Part of the description of such a kind.
 NEVER_BY_ITSELF = (
-    "No drive of the farm does so by itself, and manuals may deny alarms (AKD: 5.13, not implemented); this tests the "
-    "controller."
+    "No drive of the farm does this by itself, and manuals may deny alarms (AKD: 5.13, not implemented); this tests "
+    "the controller."
 )
 
 

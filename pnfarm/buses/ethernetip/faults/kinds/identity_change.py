@@ -51,9 +51,9 @@ class IdentityChange(Effect):
 KIND = InjectionKind(
     "identity-change",
     "connection",
-    "The drive looks like another product: vendor, device type, product code, revision or serial number differ.  A "
-    "connection that stands goes on, a new one whose electronic key names the right product is refused.  Left out all, "
-    "the product code is one more.",
+    "The drive looks like another product: vendor, device type, product code, revision or serial number differ.  An "
+    "open connection continues; a new one whose electronic key names the right product is refused.  Without "
+    "parameters, the product code is higher by one.",
     "the change",
     IdentityChange,
     {

@@ -54,8 +54,8 @@ KINDS = (
         "sequence-freeze",
         "cyclic",
         "The sequence of cyclic packets freezes.  With the number, originators take the packets for old ones and drop "
-        "them: the connection times out.  With the count alone they take them for the same data once more: the "
-        "connection lives, and the data that the program sees stand still.",
+        "them: the connection times out.  With the count only, they take them for the same data once more: the "
+        "connection stays, and the data that the program sees do not change.",
         "a cyclic packet whose sequence is frozen",
         SequenceFreeze,
         {"which": _which("number")},
@@ -64,8 +64,8 @@ KINDS = (
         place=62,
         wire="Packets in their interval with new data, and the number or count of the first one that is hit.",
         reports="Number: as when nothing comes, so that the connection times out (Logix: module fault 16#0203, "
-        "CODESYS: the adapter goes to its error state (assumed)). Count: nothing by the bus; the program's input data "
-        "stand (assumed).",
+        "CODESYS: the adapter goes to its error state (assumed)). Count: the bus reports nothing; the program's input "
+        "data do not change (assumed).",
     ),
     InjectionKind(
         "sequence-jump",

@@ -42,7 +42,7 @@ KINDS = (
     InjectionKind(
         "diagnosis-request",
         "alarms",
-        "The slave asks its master to read a diagnosis, which has a block of its own after that of the drive.",
+        "The slave asks its master to read a diagnosis, which has a further block after the drive's.",
         "the block",
         DiagnosisRequest,
         {

@@ -50,5 +50,5 @@ KIND = InjectionKind(
     takes=EACH,
     place=50,
     wire="Garbage between the telegrams, or in them where a burst meets one: wrong FCS, wrong delimiters.",
-    reports="Nothing while repetitions are answered, but more of them; then station failure (OB86).",
+    reports="Only more repetitions, as long as one is answered; then station failure (OB86).",
 )

@@ -16,6 +16,6 @@ KIND = InjectionKind(
     takes=EACH,
     preset={"delay": None},
     place=30,
-    wire="No ApplicationReady request after the parameters' end.",
+    wire="No ApplicationReady request after the end of parametrisation.",
     reports="The start-up does not end; the controller's monitoring ends the connection and sets it up again.",
 )
