@@ -61,7 +61,7 @@ def page() -> str:
         "A set chooses readings of [open points](../behaviour.md) and gives faults the maker's codes and texts, in the",
         "signal FAULT_CODE and in PNU 945 and 947; a warning has the maker's number everywhere. Single points of",
         "`behaviour:` win over the set. Faults are injected by the number of the first column, whatever the set.",
-        "A set claims no more than its sources: what none of them says is as in `generic`, and is listed.",
+        "A set has only what its sources state: all else is as in `generic`, and is listed.",
         "",
     ]
     names: dict[str, list[str]] = {}
