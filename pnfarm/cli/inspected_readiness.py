@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.cli.farm_file import counted
 from pnfarm.terminal.output import print_line, print_section, seconds
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 __all__ = ["print_readiness"]
 
@@ -16,8 +19,10 @@ def print_readiness(view: dict[str, Any]) -> None:
     """The controllers, the stations of each, what is refused, and what is missing."""
     controllers = view["controllers"]
     for number, controller in enumerate(controllers):
+        if number:
+            print_line()
         rows = [
-            (station["name"], visit["state"], ", ".join(visit["steps"]), seconds(visit["cycle_seconds"]))
+            (station["name"], _state(visit), ", ".join(visit["steps"]), seconds(visit["cycle_seconds"]))
             for station in view["stations"]
             for visit in station["visits"]
             if visit["controller"] == number
@@ -25,20 +30,23 @@ def print_readiness(view: dict[str, Any]) -> None:
         count = counted(controller["stations"], "station")
         print_line(f"{_name(controller)} on {controller['bus']}: {controller['exchanging']} of {count} exchange data")
         print_section(("STATION", "STATE", "~STEPS", ">CYCLE"), rows)
-        print_line()
     alone = [
-        (station["name"], _STATES.get(station["state"], station["state"]), _place(station))
-        for station in view["stations"]
-        if not station["visits"]
+        (station["name"], _state(station), _place(station)) for station in view["stations"] if not station["visits"]
     ]
-    print_section(("NO CONTROLLER", "STATE", "~FARM FILE"), alone)
+    _print_table(("NO CONTROLLER", "STATE", "~FARM FILE"), alone)
+    ended = [
+        (station["name"], "not connected", f"the connection ended: {visit['ended']}")
+        for station in view["stations"]
+        for visit in station["visits"]
+        if visit.get("ended")
+    ]
     refused = [
         (station["name"], "accepted" if one["works"] else "refused", f"{one['text']}{_change(one)}")
         for station in view["stations"]
         for visit in station["visits"]
         for one in visit["refusals"]
     ]
-    print_section(("STATION", "", "~WHY, AND WHAT TO CHANGE"), refused)
+    _print_table(("STATION", "", "~WHY, AND WHAT TO CHANGE"), [*refused, *ended])
     missing = [
         (
             one["name"],
@@ -47,9 +55,20 @@ def print_readiness(view: dict[str, Any]) -> None:
         )
         for one in view["missing"]
     ]
-    print_section(("ASKED FOR", "~BY", "~NOT IN THE FARM"), missing)
+    _print_table(("ASKED FOR", "~BY", "~NOT IN THE FARM"), missing)
     if view["ready"]:
+        print_line()
         print_line("every station exchanges data, and nothing is refused")
+
+
+def _print_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    if rows:
+        print_section(columns, rows)
+
+
+def _state(one: dict[str, Any]) -> str:
+    """Of a station or a visit, in words."""
+    return _STATES.get(one["state"], str(one["state"]))
 
 
 def _name(controller: dict[str, Any]) -> str:

@@ -94,3 +94,20 @@ def test_readiness_names_controllers_refusals_and_the_line_to_change(ask, farm):
     assert f"{near}; change cell.pnfarm.yml:4 devices[0].name" in lines
     found = ask("inspect", "island", "--readiness")
     assert (found.code, "--readiness is about all stations" in found.err) == (2, True)
+
+
+def test_readiness_says_why_a_connection_ended_and_shows_no_table_without_rows(ask, farm):
+    visit = {"controller": 0, "state": "ended", "steps": {"searched": 1.0}, "cycle_seconds": None, "refusals": [],
+             "ended": "watchdog expired"}  # fmt: skip
+    view = {
+        "ready": False,
+        "controllers": [{"bus": "profinet", "address": "10.0.0.1", "mac": "", "name": "plc", "exchanging": 0,
+                         "stations": 1}],
+        "stations": [{"name": "press", "state": "ended", "visits": [visit], "file": "", "line": 0, "key": ""}],
+        "missing": [],
+    }  # fmt: skip
+    farm.answer("GET", "readiness", view)
+    lines = words(ask("inspect", "--readiness").out)
+    assert "press not connected searched" in lines
+    assert "press not connected the connection ended: watchdog expired" in lines
+    assert not [line for line in lines if line.startswith(("NO CONTROLLER", "ASKED FOR"))]
