@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError, RemoteError
+from pnfarm.errors import EnvironmentError_, PnfarmError, RemoteError
 from pnfarm.terminal import client
+from pnfarm.vocabulary.issues import FarmFileError, FileIssue
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from pnfarm.cli.run_progress import Progress
@@ -30,6 +31,11 @@ def run_remote(
     assert scenario.farm is not None
     with client.FarmClient(scenario.farm, token, tls_ca) as farm:
         return _Remote(scenario, farm, progress, interrupted).run()
+
+
+def _issue(path: Path, found: Mapping[str, str]) -> FileIssue:
+    """An error of a scenario's text, as the farm reports it, in the file that the text is from."""
+    return FileIssue(str(path), int(found.get("line") or 0), 0, found["field"], found["what"], found.get("allowed", ""))
 
 
 class _Remote:
@@ -71,9 +77,10 @@ class _Remote:
             begun: dict[str, Any] = self._farm.post(
                 "scenarios", body={"text": text, "variables": dict(self._scenario.given)}
             )
-        except ConfigError as error:
-            # the farm does not know the file's name
-            raise ConfigError(str(error).replace("<scenario>", str(self._scenario.path))) from error
+        except client.RefusedError as error:
+            if not (issues := [_issue(self._scenario.path, found) for found in error.errors]):
+                raise
+            raise FarmFileError(issues) from error
         return begun
 
     def _ask(self, number: str, first: int) -> dict[str, Any]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     import httpx
 
-__all__ = ["FarmClient", "FarmError", "sendable", "token_in"]
+__all__ = ["FarmClient", "FarmError", "RefusedError", "sendable", "token_in"]
 
 #: Environment variable that names a file with the token; used if neither --token nor PNFARM_TOKEN is given.
 FILE_VARIABLE = "PNFARM_TOKEN_FILE"
@@ -71,6 +71,14 @@ def sendable(token: str | None) -> str | None:
             "the token has characters that no header can carry; allowed: letters, digits and signs of ASCII, no blanks"
         )
     return found or None
+
+
+class RefusedError(ConfigError):
+    """The farm refused a request; ``errors`` has an entry for each thing that is wrong, if the farm names them."""
+
+    def __init__(self, detail: str, errors: object = None) -> None:
+        super().__init__(detail)
+        self.errors: list[Any] = errors if isinstance(errors, list) else []
 
 
 class FarmClient:
@@ -214,7 +222,7 @@ class FarmClient:
             # of a token that it knows, the farm says what is wrong with it
             is_known = "invalid_token" in response.headers.get("www-authenticate", "")
             raise ConfigError(f"{detail}: {hint}" if is_known else f"the farm needs its token: {hint}")
-        raise ConfigError(detail)
+        raise RefusedError(detail, found.get("errors"))
 
     def _not_a_farm(self) -> RemoteError:
         return RemoteError(f"the server at {self.address} is not a farm; give the farm's address with --api")
