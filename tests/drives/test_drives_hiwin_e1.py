@@ -223,6 +223,13 @@ def test_4_1_profile_parameters_that_the_table_does_not_have_are_not_there() -> 
             E1.resolve(pnu)
 
 
+def test_a_parameter_that_is_not_there_is_refused_with_the_name_that_is_near() -> None:
+    with pytest.raises(ParameterError, match="has no parameter 'Fault numbre', did you mean FAULT NUMBER"):
+        E1.resolve("Fault numbre")
+    with pytest.raises(ParameterError, match="has no parameter '60000'; give a number or a name"):
+        E1.resolve("60000")
+
+
 def test_4_1_what_the_table_does_not_list_is_the_profiles_and_can_be_left_out(e1: Drive) -> None:
     """Tools ask for the profile's number and the station's name."""
     assert [p.pnu for p in E1.parameters.values() if p.source == "profile"] == [965, 61000]

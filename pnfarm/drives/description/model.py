@@ -15,6 +15,7 @@ from pnfarm.drives.profiles.cip.part import CIP
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import FAULT_WORDS, FIRMWARE_ETHERNETIP, FIRMWARE_PROFIDRIVE
+from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -143,9 +144,9 @@ class Model:
                 if _is_number(index):
                     pnu, subindex = self.parameter_names.get(name.upper()), int(index)
         if pnu is None or pnu not in self.parameters:
+            hint = did_you_mean(wanted, self.parameter_names) or "; give a number or a name of its manual"
             raise ParameterError(
-                ParameterErrorNumber.IMPERMISSIBLE_PNU,
-                detail=f"{self.name} has no parameter {wanted[:60]!r}; give a number or a name of its manual",
+                ParameterErrorNumber.IMPERMISSIBLE_PNU, detail=f"{self.name} has no parameter {wanted[:60]!r}{hint}"
             )
         return self.parameters[pnu], subindex
 
