@@ -316,7 +316,7 @@ class InjectionManager:
         if injection is None:
             known = f"there are {', '.join(self._injections)}" if self._injections else "none is in force"
             raise ConfigError(
-                f"there is no injection {injection_id!r}{did_you_mean(injection_id, self._injections)}; {known}"
+                f"there is no fault {injection_id!r}{did_you_mean(injection_id, self._injections)}; {known}"
             )
         return injection
 

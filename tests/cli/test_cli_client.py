@@ -370,6 +370,8 @@ def test_fault_clear_ends_one_or_all(ask, farm):
     assert ask("fault", "clear").out == "cleared a\n  a: loss on axis-01 axis-02\n"
     farm.answer("POST", "reset", {"cleared": []})
     assert ask("fault", "clear").out == "no fault was active\n"
+    farm.answer("DELETE", "faults/all", {"detail": "there is no fault 'all'; none is in force"}, 404)
+    assert "`pnfarm fault clear` without a name clears all" in ask("fault", "clear", "all").err
 
 
 # -- param

@@ -285,7 +285,7 @@ def test_faults_are_listed_named_cleared_and_kept_with_their_evidence(line):
     assert second.spec.seed is not None
     with pytest.raises(ConfigError, match="an injection named 'bad-data' is in force"):
         line.add("iops-bad", as_="bad-data")
-    with pytest.raises(ConfigError, match="there is no injection 'bad-dta', did you mean bad-data"):
+    with pytest.raises(ConfigError, match="there is no fault 'bad-dta', did you mean bad-data"):
         line.clear("bad-dta")
     line.run(0.1)
     assert line.faults.active() == {"iops-bad": 1, "loss": 1}

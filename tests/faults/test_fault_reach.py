@@ -221,7 +221,7 @@ def test_a_fault_ends_by_its_time_to_live_unless_it_is_renewed(line):
     assert fault.state == "ended"
     assert fault.runs["axis-01"].reason == "ttl"
     assert line.rows_free()
-    with pytest.raises(ConfigError, match="there is no injection 'mine'"):
+    with pytest.raises(ConfigError, match="there is no fault 'mine'"):
         line.faults.renew("mine", line.world.now)
 
 

@@ -271,7 +271,12 @@ def clear(
 ) -> None:
     """Clear a fault, or all of them; the drives return to normal."""
     with client.FarmClient(api, token, tls_ca) as farm:
-        found = farm.post("reset") if fault_id is None else farm.delete("faults", fault_id)
+        try:
+            found = farm.post("reset") if fault_id is None else farm.delete("faults", fault_id)
+        except client.RefusedError as error:
+            if fault_id != "all":
+                raise
+            raise ConfigError(f"{error}; `pnfarm fault clear` without a name clears all") from error
     if output is Format.JSON:
         print_json(found)
     else:

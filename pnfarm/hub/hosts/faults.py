@@ -297,7 +297,7 @@ class HubFaults:
             if silent:
                 why = next(iter(silent.values()))
                 raise AwayError(f"no shard that answers has a fault {fault_id!r}; not known is the rest: {why}")
-            raise NotFoundError(f"there is no injection {fault_id!r}; `pnfarm fault list` lists them")
+            raise NotFoundError(f"there is no fault {fault_id!r}; `pnfarm fault list` lists them")
         # of one that has not answered since this hub began nothing is known
         unsure = self._unsure.get(own, set()) | {shard for shard in shards if not shard.instance}
         return own, known, [shard for shard in silent if shard in unsure and shard not in known]
