@@ -156,6 +156,18 @@ def test_every_example_of_devices_is_a_right_farm_file():
         parse_farm(text, path=ROOT / "configs" / "example.pnfarm.yml")
 
 
+def recovery_by_cycle() -> str:
+    """The example of a scenario with a matrix."""
+    text = (DOCS / "scenarios.md").read_text("utf-8")
+    return textwrap.dedent(text[text.index("    scenario: recovery-by-cycle") :].split("\n\n")[0])
+
+
+def test_the_example_with_a_matrix_runs_on_the_line_of_the_library(tmp_path):
+    file = tmp_path / "matrix.scenario.yml"
+    file.write_text(recovery_by_cycle(), "utf-8")
+    assert main(["run", str(file), "--virtual", "--farm", str(LINE)]) == 0
+
+
 LINE = ROOT / "configs" / "scenarios" / "line.pnfarm.yml"
 NEVER = f"controller.program: {{python: {ROOT / 'configs' / 'programs' / 'never_acknowledges.py'}}}"
 
@@ -168,9 +180,8 @@ def returning(tmp_path: Path) -> Iterator[Path]:
     head = f"scenario: pattern\nfarm: {LINE}\nwith: {{{NEVER}}}\nsteps:\n"
     file.write_text(head + textwrap.indent(wait + pattern, "  "), "utf-8")
     yield file
-    text = (DOCS / "scenarios.md").read_text("utf-8")
-    matrix = textwrap.dedent(text[text.index("    scenario: recovery-by-cycle") :].split("\n\n")[0])
-    for old, new in (("line-1.pnfarm.yml", str(LINE)), ("[1ms, 4ms]", "[16ms]"), ("$cycle}", f"$cycle, {NEVER}}}")):
+    matrix = recovery_by_cycle()
+    for old, new in (("line.pnfarm.yml", str(LINE)), ("[16ms, 32ms]", "[16ms]"), ("$cycle}", f"$cycle, {NEVER}}}")):
         assert old in matrix
         matrix = matrix.replace(old, new)
     file = tmp_path / "matrix.scenario.yml"
