@@ -118,6 +118,11 @@ def test_one_wrong_thing_of_the_controller_gives_one_issue(text, field, what):
         assert issue.line == 16
 
 
+def test_a_cycle_that_is_too_fast_for_some_drives_is_refused_with_the_key_that_gives_these_another_one():
+    issue = the_issue(GOOD + "controller: {cycle: 2ms}\n")
+    assert issue.allowed.startswith("16ms and slower, or `cycle: 16ms` or limits: lax on drives")
+
+
 def test_a_controller_on_the_parent_is_refused_where_no_frame_would_reach_it():
     text = GOOD.replace("parent: eth1", "parent: eth1, send: parent")
     parse(text)

@@ -285,6 +285,7 @@ def refusal(text):
         (ISLAND, "gsdml/none.xml", "devices[0].gsdml", "cannot be read: no such file"),
         (ISLAND, "cell.pnfarm.yml", "devices[0].gsdml", "cell.pnfarm.yml, "),
         ("DAP 1", "DAP 7", "devices[0].access_point", "has no access point 'DAP 7', it has"),
+        ("access_point: DAP 1", "hello: false", "devices[0].gsdml", "; `access_point`, the ID of one"),
         ("{1: 16DI", "{1: 16DX", "devices[0].slots.1", "did you mean"),
         ("{1: 16DI", "{0: 16DI", "devices[0].slots.0", "is the access point's"),
         ("{1: 16DI", "{1x: 16DI", "devices[0].slots.1x", "is not a slot or subslot"),

@@ -64,4 +64,5 @@ def check_controller(
         if controller.rpi_ns < model.min_cycle_ns:
             fastest = format_duration(model.min_cycle_ns)
             what = f"{format_duration(controller.rpi_ns)} is faster than {model.name} can; the nearest is {fastest}"
-            report((*at, "rpi"), what, f"{fastest} and slower, or limits: lax on drives {shown(group.name)}")
+            instead = f"or `rpi: {fastest}` or limits: lax on drives {shown(group.name)}"
+            report((*at, "rpi"), what, f"{fastest} and slower, {instead}")

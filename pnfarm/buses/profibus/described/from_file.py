@@ -38,7 +38,7 @@ def describe_group(at: Location, group: ProfibusDevices, folder: Path, report: R
             {slot: one.parameters for slot, one in group.slots.items() if one is not None and one.parameters},
         )
     except PlugError as exc:
-        report(_place_of(at, group, exc), f"{path.name}: {exc}", "what the file allows")
+        report(_place_of(at, group, exc), f"{path.name}: {exc}", "")
         return None
     wrong = False
     if group.address is None and not gsd.address_changes:

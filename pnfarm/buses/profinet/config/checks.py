@@ -115,12 +115,18 @@ def _check_limit(at: Location, group: ProfinetDrives, model: ModelFacts, cycle_n
     if 0 < model.max_cycle_ns < cycle_ns:
         slowest = format_duration(model.max_cycle_ns)
         what = f"{format_duration(cycle_ns)} is slower than {model.name} can; the nearest is {slowest}"
-        report(at, what, f"{slowest} and faster, or limits: lax on drives {shown(group.name)}")
+        report(at, what, f"{slowest} and faster, {_else(group, slowest)}")
     if cycle_ns >= model.min_cycle_ns:
         return
     fastest = format_duration(model.min_cycle_ns)
     what = f"{format_duration(cycle_ns)} is faster than {model.name} can; the nearest is {fastest}"
-    report(at, what, f"{fastest} and slower, or limits: lax on drives {shown(group.name)}")
+    report(at, what, f"{fastest} and slower, {_else(group, fastest)}")
+
+
+def _else(group: ProfinetDrives, nearest: str) -> str:
+    """What else helps these drives, where the controller's cycle is none of theirs."""
+    own = f"`cycle: {nearest}` or " if group.cycle_ns is None else ""
+    return f"or {own}limits: lax on drives {shown(group.name)}"
 
 
 def check_devices(controller: ProfinetController, claims: Claims, report: Report) -> None:

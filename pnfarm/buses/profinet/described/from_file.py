@@ -48,7 +48,8 @@ def describe_group(at: Location, group: ProfinetDevices, folder: Path, report: R
             },
         )
     except PlugError as exc:
-        report(_place_of(at, group, exc), f"{path.name}: {exc}", "what the file allows")
+        chooses = exc.slot is None and group.access_point is None and len(gsdml.daps) > 1
+        report(_place_of(at, group, exc), f"{path.name}: {exc}", "`access_point`, the ID of one" if chooses else "")
         return None
     found = _refused(at, plugged, path.name, report)
     parameters: dict[tuple[int, int, int], bytes] = {}
@@ -59,7 +60,7 @@ def describe_group(at: Location, group: ProfinetDevices, folder: Path, report: R
         try:
             changed = parameter_records(module, one.parameters, gsdml.languages)
         except PlugError as exc:
-            report((*at, "slots", str(slot), "parameters"), str(exc), "what the file allows")
+            report((*at, "slots", str(slot), "parameters"), str(exc), "")
             found = True
         else:
             parameters |= {(slot, subslot, index): data for (subslot, index), data in changed.items()}
