@@ -151,6 +151,8 @@ def _print_run(record: Mapping[str, Any]) -> None:
     print_line(f"{record['scenario']}: {record['verdict']} ({counts or 'no expectation'}) in {took}")
     if record["ended_early"]:
         print_line(f"ended early: {record['ended_early']}")
+    for sentence in record.get("failed_code", ()):
+        print_line(sentence)
 
 
 def _short(text: str) -> str:

@@ -61,7 +61,7 @@ async def run_started(
     # what happens is in the record; on the terminal is the scenario's progress
     farm = Farm(config, log=EventLog(quiet=True), capture=capture)
     farm.check_rights()
-    ControllerBeside(farm)
+    beside = ControllerBeside(farm)
     if before is not None:
         await before()
     collectors: list[FarmCollector] = []
@@ -79,7 +79,10 @@ async def run_started(
         now = farm.now()
         epoch = time.time_ns()
         lateness = FarmLateness(farm.core, binding.scenario.budget_ns, now)
-        run = ScenarioRun(binding, farm.core, collectors[0], now, lateness=lateness, traced=traced, tell=tell)
+        run = ScenarioRun(
+            binding, farm.core, collectors[0], now,
+            lateness=lateness, traced=traced, tell=tell, plc_log=beside.log,
+        )  # fmt: skip
 
         async def watch_farm() -> None:
             try:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pnfarm.scenario.definition.steps import MetricName, Step
     from pnfarm.scenario.lateness import FarmLateness
     from pnfarm.scenario.measures import Reading
-    from pnfarm.station.event_log import LogEntry
+    from pnfarm.station.event_log import EventLog, LogEntry
 
 __all__ = ["LOOK_NS", "EachLook", "ScenarioRun", "Tell"]
 
@@ -59,7 +59,8 @@ EachLook = Callable[["ScenarioRun", int], str]
 class ScenarioRun(Flow):
     """``lateness`` measures the farm's own; None in virtual time, where it is never late.
 
-    ``traced``: keep traces around faults and failures, for the report.
+    ``traced``: keep traces around faults and failures, for the report; ``plc_log``: of the controller, if it runs in
+    this process.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class ScenarioRun(Flow):
         lateness: FarmLateness | None = None,
         traced: bool = False,
         tell: Tell | None = None,
+        plc_log: EventLog | None = None,
     ) -> None:
         super().__init__(binding, core.name, now, tell)
         self._core = core
@@ -113,7 +115,11 @@ class ScenarioRun(Flow):
         before = [entry for name in {**self._axes, **self._stations} for entry in core.log.entries(name)]
         for entry in sorted(before, key=attrgetter("sequence")):
             self._note_own_loss(entry)
-        self._unsubscribe = core.log.subscribe(self._note)
+        subscriptions = ExitStack()
+        subscriptions.callback(core.log.subscribe(self._note))
+        if plc_log is not None:
+            subscriptions.callback(plc_log.subscribe(self.record.note_program))
+        self._unsubscribe = subscriptions.close
 
     def _check_metric(
         self, step: Step, key: str, metric: MetricName, asked: str, checked: set[tuple[str, str, str]]

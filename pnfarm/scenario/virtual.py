@@ -30,8 +30,8 @@ STRETCH_NS = 10_000_000_000
 
 
 @asynccontextmanager
-async def _line(config: FarmConfig, log: EventLog, frames: BlockSink | None) -> AsyncIterator[VirtualLine]:
-    line = await VirtualLine.create(config, log=log, frames=frames, epoch_ns=0)
+async def _line(config: FarmConfig, plc_log: EventLog, frames: BlockSink | None) -> AsyncIterator[VirtualLine]:
+    line = await VirtualLine.create(config, log=EventLog(quiet=True), plc_log=plc_log, frames=frames, epoch_ns=0)
     try:
         yield line
     finally:
@@ -76,12 +76,13 @@ async def run_virtual(
     """
     if config.controller is None:
         raise ConfigError("in virtual time the farm needs its own controller: add a `controller:` section to its file")
-    async with _line(config, EventLog(quiet=True), frames) as line:
+    plc_log = EventLog(quiet=True)
+    async with _line(config, plc_log, frames) as line:
         world = line.world
         add_impairments(line.farm.injections, line.stations, world.now)
         collector, begin = FarmCollector(line.farm), world.now
         try:
-            run = ScenarioRun(binding, line.farm, collector, world.now, tell=tell, traced=traced)
+            run = ScenarioRun(binding, line.farm, collector, world.now, tell=tell, traced=traced, plc_log=plc_log)
             await carry_out_virtually(run, world, passing)
         finally:
             collector.close()

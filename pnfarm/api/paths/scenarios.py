@@ -138,6 +138,7 @@ class ScenarioRecord(ScenarioSummary):
     farm_ended: bool = Field(description="The farm stopped before the scenario's end.")
     cases: list[ScenarioCase] = Field(description="In the order of the file.")
     finds: list[ScenarioFind]
+    failed_code: list[str] = Field(description="Programs and models of the user that raised an error, with the place.")
     faults: list[ScenarioFault]
     plc: dict[str, dict[str, list[float]]] = Field(
         description="By drive: seconds of every reaction, acknowledgement and reconnection."

@@ -50,6 +50,8 @@ def _suite(record: Mapping[str, Any]) -> TestSuite:
         # "find: TITLE" is the value, its neighbour the first one that did not hold
         suite.add_property(_text(f"find: {found['name']}"), _text(found["found"]))
         suite.add_property(_text(f"beyond: {found['name']}"), _text(found["beyond"]))
+    for number, sentence in enumerate(record.get("failed_code", ()), 1):
+        suite.add_property(f"failed_code.{number}", _text(sentence))
     for fault in record["faults"]:
         suite.add_property(_text(f"fault.{fault['name']}"), _text(_fault(fault)))
     for case in record["cases"]:

@@ -8,9 +8,13 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.controller.program_runner import ProgramFailed
 from pnfarm.farm.views.stations import json_value
+from pnfarm.plant.events import PlantModelFailed
 from pnfarm.scenario.watch import signals_of_event
 from pnfarm.station import events
+from pnfarm.vocabulary.durations import format_measured
+from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,6 +32,8 @@ __all__ = ["EXIT_CODES", "Case", "Record", "Verdict"]
 MAX_TIMELINE = 20_000
 #: Most times of one reaction of a drive.
 MAX_REACTIONS = 2_000
+#: Most sentences about users' code that failed.
+MAX_CODE = 100
 #: Most drives' values that cases keep altogether; beyond it, those of cases that did not pass only.
 MAX_VALUES = 50_000
 
@@ -118,6 +124,8 @@ class Record:
         self._reactions: dict[str, dict[str, list[float]]] = {}
         self._faults: dict[Injection, dict[str, Any]] = {}
         self._finds: list[dict[str, Any]] = []
+        #: Users' code that failed, by what and why: when first, and whose.
+        self._failed_code: dict[tuple[str, str], tuple[int, list[str]]] = {}
         #: In the order in which they ended.
         self.cases: list[Case] = []
         #: Pictures of faults and failures (:mod:`pnfarm.scenario.report.trace_excerpts`), and why there are no more.
@@ -173,8 +181,24 @@ class Record:
                 self._lost_ns.setdefault(entry.drive, entry.now_ns)
             case events.ConnectionEstablished() if entry.drive in self._lost_ns:
                 self._reaction(entry.drive, "reconnected_seconds", entry.now_ns - self._lost_ns.pop(entry.drive))
+            case PlantModelFailed(model=model):
+                self._note_code(entry, "the model", model)
             case _:
                 pass
+
+    def note_program(self, entry: LogEntry) -> None:
+        """An entry of the log of the controller that runs in this process."""
+        if isinstance(entry.what, ProgramFailed):
+            self._note_code(entry, "the PLC program of", entry.drive)
+
+    def _note_code(self, entry: LogEntry, kind: str, name: str) -> None:
+        """A user's program or model failed: it does nothing any more."""
+        what = entry.what
+        assert isinstance(what, (ProgramFailed, PlantModelFailed))
+        place = f"{what.file}:{what.line}: " if what.line else f"{what.file}: " if what.file else ""
+        key = kind, f"{place}{what.error}"
+        if key in self._failed_code or len(self._failed_code) < MAX_CODE:
+            self._failed_code.setdefault(key, (entry.now_ns, []))[1].append(name)
 
     def note_told(self, now: int, drive: str, text: str, state: int | None) -> None:
         """An event that another farm told, for the timeline."""
@@ -277,6 +301,10 @@ class Record:
             "farm_ended": self._broken,
             "cases": [case.as_dict(self.origin_ns) for case in self._sorted()],
             "finds": self._finds,
+            "failed_code": [
+                f"{kind} {shortened(names)} failed after {format_measured(self._seconds(first))}: {why}"
+                for (kind, why), (first, names) in self._failed_code.items()
+            ],
             "faults": list(self._faults.values()),
             "plc": self._reactions,
             "plc_left_out": self._reactions_left_out,
