@@ -80,7 +80,9 @@ def io(
         for station, values in (_releases(wanted) if release else _writes(wanted)).items():
             _write(farm, station, values, "force" if force or release else "value")
         if watch:
-            _watch(farm, wanted, output, [*dict.fromkeys(one.station for one in wanted)] if words else ["all"])
+            with suppress(KeyboardInterrupt):
+                _watch(farm, wanted, output, [*dict.fromkeys(one.station for one in wanted)] if words else ["all"])
+            return
         found = _read(farm, wanted)
         if output is Format.JSON:
             print_json({"devices": list(found.values())})
