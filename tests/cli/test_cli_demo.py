@@ -97,13 +97,15 @@ def test_demo_runs_eight_drives_through_two_faults_and_two_recoveries(tmp_path):
     check(*demo(tmp_path), drives=8)
 
 
-@pytest.mark.parametrize("option", ["--json", "--svg", "--html"])
+@pytest.mark.parametrize("option", ["--json", "--svg", "--pcap", "--html"])
 def test_demo_says_before_it_runs_that_a_file_cannot_be_written(tmp_path, pnfarm, option):
     missing = pnfarm("demo", option, tmp_path / "no" / "file")
-    assert (missing.code, missing.out) == (4, "")
-    assert missing.err == f"pnfarm: {tmp_path}/no/file cannot be written: its folder does not exist\n"
+    assert (missing.code, missing.out) == (2, "")
+    where = f"{tmp_path}/no/file is in {tmp_path}/no, which is not a folder"
+    assert missing.err == f"pnfarm: {where}; give the name of a file in a folder that exists\n"
     folder = pnfarm("demo", option, tmp_path)
-    assert (folder.code, folder.err) == (4, f"pnfarm: {tmp_path} cannot be written: it is a folder; give a file\n")
+    name = f"{tmp_path} is a folder; give the name of a file in a folder that exists"
+    assert (folder.code, folder.err) == (2, f"pnfarm: {name}\n")
 
 
 def test_demo_without_any_namespace_runs_in_memory_and_says_so(tmp_path):

@@ -313,6 +313,13 @@ def test_the_controller_of_a_memory_link_runs_with_its_farm_not_beside_it(pnfarm
     assert "runs in the farm's own process: `pnfarm up FILE` starts both" in found.err
 
 
+def test_the_controller_says_before_it_runs_that_its_summary_cannot_be_written(pnfarm, write, tmp_path):
+    found = pnfarm("plc", write(FARM + "controller: {ip: 10.77.0.1/24}\n"), "--json", tmp_path / "no" / "file")
+    where = f"{tmp_path}/no/file is in {tmp_path}/no, which is not a folder"
+    name = "give the name of a file in a folder that exists"
+    assert (found.code, found.out, found.err) == (2, "", f"pnfarm: {where}; {name}\n")
+
+
 def test_frames_in_memory_are_not_captured_by_up(pnfarm, write, tmp_path):
     text = FARM.replace("{kind: macvlan, parent: eth1}", "{kind: memory}")
     found = pnfarm("up", write(text), "--pcap", tmp_path / "out.pcapng")

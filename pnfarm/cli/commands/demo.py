@@ -93,9 +93,11 @@ def command(
 
     Needs no root and no PLC.
     """
+    from pnfarm.cli.commands.run import check_writable
+
     require_address_space(ENGINE)
-    for file in (json_file, svg_file, pcap, html):
-        _check_writable(file)
+    for file in filter(None, (json_file, svg_file, pcap, html)):
+        check_writable(file)
     where, why = _enter()
     _announce(where, why)
     # numpy and the engine start threads, so they are imported only after the namespace was entered
@@ -152,17 +154,6 @@ def _groups(drives: int) -> str:
             groups += GROUP.format(first=first, count=count, model=model, place=place, pace=pace)
             first += count
     return groups
-
-
-def _check_writable(file: Path | None) -> None:
-    """Check an output file before the demo runs.  Raises :class:`~pnfarm.errors.EnvironmentError_`."""
-    if file is None:
-        return
-    if file.is_dir():
-        raise EnvironmentError_(f"{file} cannot be written: it is a folder; give a file")
-    if not os.access(file if file.exists() else file.parent, os.W_OK):
-        why = "no permission" if file.parent.is_dir() else "its folder does not exist"
-        raise EnvironmentError_(f"{file} cannot be written: {why}")
 
 
 def _enter() -> tuple[str, str]:

@@ -116,6 +116,7 @@ def plc(
     """
     import anyio
 
+    from pnfarm.cli.commands.run import check_writable
     from pnfarm.cli.farm_file import read
     from pnfarm.cli.plc_device import one_device
     from pnfarm.cli.projects.plc import project_plc
@@ -124,6 +125,8 @@ def plc(
     require_address_space(ENGINE)
     if sum(one is not None for one in (file, project, gsdml if project is None else None)) != 1:
         raise typer.BadParameter("give a farm file, --project or --gsdml", param_hint="FILE")
+    if json_file is not None:
+        check_writable(json_file)
     of_device = device, dap, module
     if file is not None and any((*of_device, ip, cycle, watchdog_factor is not None)):
         raise typer.BadParameter(
