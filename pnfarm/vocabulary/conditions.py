@@ -348,10 +348,7 @@ def evaluate(tree: Tree, value_of: Callable[[Operand], Value]) -> bool:
     """Whether the condition holds; ``value_of`` gives the value of a name, and of a number or text beside it."""
     match tree:
         case Comparison():
-            left, right = value_of(tree.left), value_of(tree.right)
-            if isinstance(left, str) is not isinstance(right, str):
-                return tree.sign == "!="
-            return COMPARISONS[tree.sign](left, right)
+            return COMPARISONS[tree.sign](value_of(tree.left), value_of(tree.right))
         case Not():
             return not evaluate(tree.inner, value_of)
         case Both():

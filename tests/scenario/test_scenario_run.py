@@ -95,6 +95,13 @@ def test_a_wait_that_fails_ends_the_run_and_the_rest_is_not_run() -> None:
     assert "not true within 1s" in record["ended_early"]
 
 
+def test_a_wait_that_fails_names_the_drives_of_which_it_never_came_true() -> None:
+    record = run_steps(
+        "  - fault: {kind: f702, on: axis-01}\n  - wait: {until: fault == 702, drive: all, within: 1s}\n"
+    )
+    assert told(record) == [("failed", "not true within 1s on axis-02")]
+
+
 def test_metrics_are_measured_over_the_period() -> None:
     record = run_steps(
         UP

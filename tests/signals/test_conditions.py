@@ -15,7 +15,7 @@ from pnfarm.config.device import SignalPlace
 from pnfarm.drives.catalogue import model, models
 from pnfarm.signals.conditions import bind
 from pnfarm.signals.signal import place_signal
-from pnfarm.station.signals import STATUS_BITS
+from pnfarm.station.signals import STATUS_BITS, signal_names
 from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 from pnfarm.vocabulary.conditions import ConditionError, evaluate, parse_condition, text_of
 
@@ -40,6 +40,8 @@ KNOWN = {
         ("stw1.enable_operation == 0", True),
         ("stw1.enable_operation == false and state == S4", True),
         ("S4 == state", True),
+        ("state == 4", True),
+        ("state != 5", True),
         ("state != 'S4'", False),
         ("velocity > 1000", True),
         ("velocity >= 1500 rpm and velocity < 1501", True),
@@ -118,6 +120,7 @@ def test_a_drive_has_no_words_of_another_profile(text: str, of: Model) -> None:
         ("velocty > 3", "column 1: akd-profinet has no signal 'velocty', did you mean velocity"),
         ("connected and velocty > 3", "column 15: "),
         ("state == S9", "state is never 'S9'"),
+        ("state == 4rpm", "state is never '4rpm'"),
         ("state > S1", "has no order"),
         ("velocity", "no yes or no; allowed: such as `velocity > 0`"),
         ("velocity > 'fast'", "velocity is a number"),
@@ -126,6 +129,8 @@ def test_a_drive_has_no_words_of_another_profile(text: str, of: Model) -> None:
         ("zsw1.fault_present == 2", "never 2; allowed: 0, 1, true or false"),
         ("fault == 70200", "has no fault '70200'"),
         ('param("DRV.OPMOD") == 1', "did you mean DRV.OPMODE"),
+        ("param(1rpm) == 1", "param needs one name in quotes"),
+        ('param("DRV.OPMODE" == 1', "param needs one name in quotes"),
         ("connected = 1", "= is not used here; allowed: `==`"),
         ("connected && powered", "allowed: `and`"),
         ("1 < velocity < 3", "comparisons are not chained"),
@@ -149,6 +154,17 @@ def test_what_is_wrong_is_one_sentence_with_its_column(text: str, sentence: str)
         bind(text, AKD)
     assert sentence in str(found.value)
     assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "near"),
+    [("zsw1.fault_presnt", lambda name: name[:5] == "zsw1."), ("velocty", lambda name: "." not in name)],
+)
+def test_the_names_near_to_a_wrong_one_are_listed(text: str, near: Callable[[str], bool]) -> None:
+    error = refusal(lambda: bind(text, AKD))
+    assert error is not None
+    names = error.allowed.removesuffix(', param("NAME")').split(", ")
+    assert names == [name for name in signal_names(AKD) if near(name)]
 
 
 @pytest.mark.parametrize("name", sorted(name for name in models() if model(name).profile == "profidrive"))
@@ -200,12 +216,27 @@ class Values:
         ("code == '00ff'", {"code": b"\0\xff"}, True),
         ("code != '00'", {"code": b"\0\0"}, False),
         ("word == 'ok'", {"word": "ok"}, True),
+        ("word == 'o\"k'", {"word": 'o"k'}, True),
     ],
 )
 def test_a_signal_of_a_device_is_compared_as_its_values_are(text: str, values: dict[str, Any], expected: bool) -> None:
     bound = bind(text, None, ISLAND, "1st.cell-2")
     assert bound.holds(None, {"1st.cell-2": SimpleNamespace(signals=Values(**values))}) is expected
     assert text_of(parse_condition(text_of(bound.tree))) == text_of(bound.tree)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("1st.cell-2.prt", "1st.cell-2 has no signal 'prt', did you mean part"),
+        ("1st.cell-3.part", "there is no device '1st.cell-3', did you mean 1st.cell-2?; allowed: 1st.cell-2"),
+        ("part", "'part' is no signal of a device; allowed: STATION.SIGNAL"),
+    ],
+)
+def test_a_signal_that_no_device_has_is_one_sentence(text: str, sentence: str) -> None:
+    with pytest.raises(ConditionError) as found:
+        bind(text, None, ISLAND)
+    assert sentence in str(found.value)
 
 
 @pytest.mark.parametrize("own", ["1st.cell-2", ""])
