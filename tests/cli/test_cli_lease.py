@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 from forks import PROGRAM, clean_environment
-from postgres_server import PASSWORD, started, until
+from postgres_server import PASSWORD, started
+from waiting import until
 
 TTL_SECONDS = 3
 FARM = """\

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import re
 import signal
-import time
 from urllib.request import urlopen
 
 import pytest
+from waiting import until
 
 FARM = """\
 farm: memtest
@@ -38,15 +38,6 @@ def file(tmp_path):
     path = tmp_path / "memtest.pnfarm.yml"
     path.write_text(FARM)
     return path
-
-
-def until(condition, seconds: float = 30.0) -> bool:
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.02)
-    return True
 
 
 def fault_at(url: str, fault_id: str) -> dict:

@@ -15,6 +15,7 @@ import urllib.request
 import pytest
 from forks import PROGRAM, Fork, clean_environment
 from own_interfaces import own_interfaces
+from waiting import until
 
 from pnfarm.links.kernel.ownership import interface_prefix
 
@@ -69,15 +70,6 @@ def solo(solo_file, background):
     started = background("--log-format", "console", "up", solo_file)
     started.wait_for(SOLO_UP)
     return started
-
-
-def until(condition, seconds: float = 20.0) -> bool:
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.1)
-    return True
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT])

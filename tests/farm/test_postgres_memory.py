@@ -8,7 +8,8 @@ import threading
 import time
 
 import pytest
-from postgres_server import PASSWORD, started, until
+from postgres_server import PASSWORD, started
+from waiting import until
 
 from pnfarm.config.database import redacted
 from pnfarm.errors import EnvironmentError_

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from interop_rig import Capture, needed, tshark_tree
+from waiting import until
 
 #: PF_EXPERT severities of Wireshark: warning 0x600000.
 WARNING = 0x600000
@@ -47,14 +48,6 @@ class Lldpd:
         return {entry["chassis"][0]["id"][0]["value"]: (entry["chassis"][0], entry["port"][0]) for entry in found}
 
 
-def until(condition, seconds):
-    end = time.monotonic() + seconds
-    while not (seen := condition()):
-        assert time.monotonic() < end, "it did not come about"
-        time.sleep(0.2)
-    return seen
-
-
 @pytest.fixture(scope="module")
 def lldpd(lab):
     needed("lldpd")
@@ -62,7 +55,7 @@ def lldpd(lab):
         Path(folder).chmod(0o711)  # the half of the daemon that gives its rights up must reach its socket
         daemon = Lldpd(lab, Path(folder))
         try:
-            until(lambda: "plc0" in daemon.control("show", "interfaces"), 15)
+            assert until(lambda: "plc0" in daemon.control("show", "interfaces"), 15)
             yield daemon
         finally:
             daemon.close()
@@ -155,5 +148,5 @@ def test_lldpd_forgets_drives_that_say_good_bye(lab, lldpd, tmp_path):
 
     drives = ["{name: 'guest-{n}', count: 2, model: akd-profinet, limits: lax}"]
     with running(lab, tmp_path, drives, name="guests"):
-        until(lambda: len([c for c in lldpd.neighbours() if c.startswith("guest-")]) == 2, 3 * INTERVAL)
-    until(lambda: not [c for c in lldpd.neighbours() if c.startswith("guest-")], 3)
+        assert until(lambda: len([c for c in lldpd.neighbours() if c.startswith("guest-")]) == 2, 3 * INTERVAL)
+    assert until(lambda: not [c for c in lldpd.neighbours() if c.startswith("guest-")], 3)

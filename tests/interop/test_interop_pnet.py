@@ -11,6 +11,7 @@ import time
 import pytest
 from interop_rig import Capture, Worker, needed
 from pnet_device import GSDML, NAME, PnetDevice, here
+from waiting import until
 
 FILE = """
 controller:
@@ -81,13 +82,6 @@ def read(plc, slot, subslot, index, length=4096):
     return bytes.fromhex(answer["data"])
 
 
-def until(condition, seconds=5.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not come about"
-        time.sleep(0.02)
-
-
 def test_it_is_found_addressed_and_exchanges_data(plc):
     row = row_of(plc)
     assert (row["state"], row["ip"], row["losses"]) == ("DATA", "10.77.0.50", 0)
@@ -115,14 +109,14 @@ def test_its_records_are_read_and_its_refusals_told_in_words(plc):
 def test_outputs_reach_it_and_its_inputs_reach_us(plc, device, capture):
     assert not device.lamp(1)
     plc.ask("outputs", name=NAME, slot=1, subslot=1, data="80")
-    until(lambda: device.lamp(1))
+    assert until(lambda: device.lamp(1), 5)
     # a float and an integer, which it multiplies by the gain that its file's parameter sets: 2
     plc.ask("outputs", name=NAME, slot=2, subslot=1, data="3fc000000000000b")
     device.button("1", pressed=True)
     time.sleep(0.5)
     device.button("1", pressed=False)
     plc.ask("outputs", name=NAME, slot=1, subslot=1, data="00")
-    until(lambda: not device.lamp(1))
+    assert until(lambda: not device.lamp(1), 5)
     inputs = inputs_of(capture)
     assert bytes.fromhex("4040000000000016") in {octets[2:10] for octets in inputs}
     counted = {octets[0] & 0x7F for octets in inputs}
@@ -185,7 +179,7 @@ def test_each_end_knows_the_other_by_lldp(plc):
     plc.until(lambda entries: "neighbour appeared" in [entry["event"] for entry in entries], "events", name="plc")
     seen = [entry for entry in plc.ask("events", name="plc") if entry["event"] == "neighbour appeared"]
     assert (seen[0]["neighbour"], seen[0]["neighbour_port"]) == (NAME, "port-001")
-    until(lambda: b"\x08port-001\x03plc" in read(plc, 0, 0x8001, 0x802A), 12)
+    assert until(lambda: b"\x08port-001\x03plc" in read(plc, 0, 0x8001, 0x802A), 12)
 
 
 def test_it_is_released(plc):

@@ -8,6 +8,7 @@ import time
 
 import pytest
 import serial
+from waiting import reached
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.serial.descriptor import MOST_WAITING, PortLine, PtyLine
@@ -48,12 +49,6 @@ async def opened(line):
         await line.close()
 
 
-async def until(condition):
-    async with asyncio.timeout(WAIT):
-        while not condition():  # noqa: ASYNC110 - a condition of the other end's has no event
-            await asyncio.sleep(0.002)
-
-
 def opened_far(path):
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     return contextlib.closing(os.fdopen(fd, "r+b", buffering=0))
@@ -75,7 +70,7 @@ async def test_octets_pass_a_pty_both_ways_and_none_is_changed():
     async with opened(line):
         with opened_far(line.path) as far:
             far.write(every)
-            await until(lambda: ear.octets == every)
+            await reached(lambda: ear.octets == every)
             line.send(every)
             assert await read(far, 256) == every
     assert (line.counters.received, line.counters.sent) == (256, 256)
@@ -104,13 +99,13 @@ async def test_a_pty_may_be_closed_and_opened_again_and_the_next_one_reads_nothi
         line.send(b"nobody")
         with opened_far(line.path) as far:
             far.write(b"one")
-            await until(lambda: ear.octets == b"one")
-        await until(lambda: not line.is_up)
+            await reached(lambda: ear.octets == b"one")
+        await reached(lambda: not line.is_up)
         for _ in range(3):
             with opened_far(line.path) as far:
                 far.write(b"two")
                 assert await read(far, 3) == b"TWO"
-            await until(lambda: not line.is_up)
+            await reached(lambda: not line.is_up)
     assert line.counters.lost == {"not-open": 6}
     assert line.counters.interruptions == {"far-end-closed": 4}
     assert [up for up, _ in ear.news] == [False, True, False, True, False, True, False, True, False]
@@ -122,7 +117,7 @@ async def test_a_far_end_that_does_not_read_loses_octets_and_the_farm_is_not_hel
     async with opened(line):
         with opened_far(line.path) as far:
             far.write(b"x")
-            await until(lambda: line.is_up)
+            await reached(lambda: line.is_up)
             begun = time.monotonic()
             for _ in range(2000):
                 line.send(bytes(256))
@@ -145,7 +140,7 @@ async def test_a_link_names_the_pty_and_is_gone_afterwards(tmp_path):
     async with opened(line):
         with opened_far(link) as far:
             far.write(b"by name")
-            await until(lambda: ear.octets == b"by name")
+            await reached(lambda: ear.octets == b"by name")
         assert line.where == f"{link} -> {line.path}"
     assert not link.is_symlink()
 
@@ -213,7 +208,7 @@ async def test_a_client_over_tcp_is_heard_and_answered_and_a_newer_one_takes_its
         assert await asyncio.wait_for(other.readexactly(6), WAIT) == b"SECOND"
         assert await asyncio.wait_for(reader.read(), WAIT) == b""
         second.close()
-        await until(lambda: not line.is_up)
+        await reached(lambda: not line.is_up)
         line.send(b"nobody")
         writer.close()
     assert line.counters.interruptions == {"replaced": 1, "far-end-closed": 1}
@@ -234,7 +229,7 @@ async def test_a_server_over_tcp_may_come_later_and_go_and_come_back():
     line = ConnectLine("127.0.0.1", port)
     ear = Ear(line, answer=bytes.upper)
     async with opened(line):
-        await until(lambda: line.counters.interruptions["no-connection"] > 1)
+        await reached(lambda: line.counters.interruptions["no-connection"] > 1)
         for word in (b"one", b"two"):
             with socket.create_server(("127.0.0.1", port)) as server:
                 server.settimeout(WAIT)
@@ -243,7 +238,7 @@ async def test_a_server_over_tcp_may_come_later_and_go_and_come_back():
                     client.settimeout(WAIT)
                     await asyncio.to_thread(client.sendall, word)
                     assert await asyncio.to_thread(client.recv, 16) == word.upper()
-            await until(lambda: not line.is_up)
+            await reached(lambda: not line.is_up)
     assert ear.octets == b"onetwo"
     assert line.counters.opened == 2
     # told once for each time, however often it was tried
@@ -288,19 +283,19 @@ async def test_a_port_that_is_pulled_out_is_taken_again_when_it_is_back(tmp_path
     async with opened(line):
         assert termios.tcgetattr(near)[4] == termios.B19200
         os.write(near, b"in")
-        await until(lambda: ear.octets == b"in")
+        await reached(lambda: ear.octets == b"in")
         line.set_baud(38400)
         assert termios.tcgetattr(near)[4] == termios.B38400
         device.unlink()
         os.close(near)
-        await until(lambda: not line.is_up)
+        await reached(lambda: not line.is_up)
         line.send(b"lost")
         near, far = os.openpty()
         device.symlink_to(os.ttyname(far))
         os.close(far)
-        await until(lambda: line.is_up)
+        await reached(lambda: line.is_up)
         os.write(near, b"back")
-        await until(lambda: ear.octets == b"inback")
+        await reached(lambda: ear.octets == b"inback")
     os.close(near)
     assert line.counters.lost["not-open"] == 4
     assert line.counters.opened == 2

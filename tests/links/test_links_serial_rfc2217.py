@@ -1,12 +1,12 @@
 """A line behind RFC 2217; the server is pyserial's own, over its loop-back port."""
 
-import asyncio
 import socket
 import threading
 
 import pytest
 import serial
 import serial.rfc2217
+from waiting import reached
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.serial import descriptor as serial_module
@@ -16,7 +16,6 @@ from pnfarm.links.serial.rfc2217 import Rfc2217Line
 # pyserial's own threads use an old spelling
 pytestmark = [pytest.mark.asyncio, pytest.mark.filterwarnings("ignore:set.* is deprecated:DeprecationWarning")]
 FORM = LineFormat((19200, 500_000), parity="even")
-WAIT = 10.0
 
 
 class Server:
@@ -77,12 +76,6 @@ def server():
     made.close()
 
 
-async def until(condition):
-    async with asyncio.timeout(WAIT):
-        while not condition():  # noqa: ASYNC110 - a condition of another thread's has no event
-            await asyncio.sleep(0.005)
-
-
 async def test_octets_pass_with_the_line_s_rate_and_parity_and_it_comes_back_after_a_break(server):
     line = Rfc2217Line("127.0.0.1", server.number, 19200, FORM)
     heard, news = [], []
@@ -92,18 +85,18 @@ async def test_octets_pass_with_the_line_s_rate_and_parity_and_it_comes_back_aft
     try:
         with pytest.raises(InternalError):
             await line.open()
-        await until(lambda: line.is_up)
+        await reached(lambda: line.is_up)
         assert (server.port.baudrate, server.port.parity) == (19200, "E")
         line.send(bytes(range(256)))
-        await until(lambda: b"".join(heard) == bytes(range(256)))
+        await reached(lambda: b"".join(heard) == bytes(range(256)))
         server.drop()
-        await until(lambda: line.counters.interruptions)
-        await until(lambda: line.counters.opened == 2)
+        await reached(lambda: line.counters.interruptions)
+        await reached(lambda: line.counters.opened == 2)
         heard.clear()
         line.send(b"again")
-        await until(lambda: b"".join(heard) == b"again")
+        await reached(lambda: b"".join(heard) == b"again")
         line.set_baud(500_000)
-        await until(lambda: line.counters.opened == 3)
+        await reached(lambda: line.counters.opened == 3)
         assert server.port.baudrate == 500_000
     finally:
         await line.close()
@@ -119,7 +112,7 @@ async def test_a_server_that_is_not_there_is_tried_again_and_nothing_waits_for_i
     await line.open()
     try:
         line.send(b"lost")
-        await until(lambda: line.counters.interruptions["no-connection"] >= 2)
+        await reached(lambda: line.counters.interruptions["no-connection"] >= 2)
     finally:
         await line.close()
     assert line.counters.lost == {"not-open": 4}

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Self
 
 import pytest
+from waiting import reached
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.links.base import LinkCounters, Port, PortSpec
@@ -80,11 +81,6 @@ class Echo:
     def of(self, kind: type) -> list:
         return [event for event in self.heard if isinstance(event, kind)]
 
-    async def until(self, condition) -> None:
-        async with asyncio.timeout(PATIENCE):
-            while not condition():  # noqa: ASYNC110 - the kernel sets no event
-                await asyncio.sleep(0.005)
-
 
 @pytest.fixture(params=["macvlan", "veth"])
 def wire(request, ip):
@@ -130,7 +126,7 @@ def test_each_of_64_drives_in_one_subnet_answers_from_its_own_address_and_no_oth
                 tap.setsockopt(socket.SOL_SOCKET, 33, 1 << 24)
                 for n in range(DRIVES):
                     assert await ask(n, b"drive %d" % n) == b"DRIVE %d" % n
-                await echo.until(lambda: len(echo.of(StreamClosed)) == DRIVES)
+                await reached(lambda: len(echo.of(StreamClosed)) == DRIVES, PATIENCE)
                 return heard_frames(tap)
 
     frames = [frame for frame in asyncio.run(run()) if frame[6:10] == mac_of(0)[:4]]
@@ -202,7 +198,7 @@ def test_power_off_is_silence_at_once_and_not_a_reset(wire, raw):
                 for number, one in enumerate((sock, beside)):
                     one.settimeout(10)
                     await asyncio.to_thread(one.connect, (str(address_of(number).ip), TCP))
-                await echo.until(lambda: len(echo.of(StreamOpened)) == 2)
+                await reached(lambda: len(echo.of(StreamOpened)) == 2, PATIENCE)
                 heard_frames(tap)
                 echo.link.sockets.withdraw(echo.ports[0].index)
                 sock.sendall(b"anyone?")
@@ -238,12 +234,12 @@ def test_more_sessions_than_allowed_are_closed_and_one_that_ends_makes_room(wire
         async with Echo(wire, 1) as echo:
             async with asyncio.timeout(PATIENCE):
                 streams = [await asyncio.open_connection(str(address_of(0).ip), TCP) for _ in range(3)]
-                await echo.until(lambda: len(echo.of(StreamOpened)) == 3)
+                await reached(lambda: len(echo.of(StreamOpened)) == 3, PATIENCE)
                 reader, writer = await asyncio.open_connection(str(address_of(0).ip), TCP)
                 assert await reader.read() == b""
                 writer.close()
                 streams[0][1].close()
-                await echo.until(lambda: len(echo.of(StreamClosed)) == 1)
+                await reached(lambda: len(echo.of(StreamClosed)) == 1, PATIENCE)
                 assert await ask(0) == b"HELLO"
                 assert echo.link.counters.dropped["stream-refused"] == 1
                 for _, other in streams:
@@ -277,11 +273,11 @@ def test_a_peer_that_does_not_read_loses_its_stream_and_no_memory_is_lost(wire):
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
                 sock.settimeout(20)
                 await asyncio.to_thread(sock.connect, (str(address_of(0).ip), TCP))
-                await echo.until(lambda: echo.of(StreamOpened))
+                await reached(lambda: echo.of(StreamOpened), PATIENCE)
                 (opened,) = echo.of(StreamOpened)
                 for _ in range(200):
                     echo.link.sockets.act(opened.port, StreamData(opened.stream, bytes(MOST_OCTETS // 8)))
-                await echo.until(lambda: echo.of(StreamClosed))
+                await reached(lambda: echo.of(StreamClosed), PATIENCE)
                 assert echo.link.counters.dropped["slow-reader"] >= 1
 
     asyncio.run(run())
@@ -297,7 +293,7 @@ def test_a_stream_that_ends_behind_octets_that_its_peer_never_reads_is_not_kept(
                     peer = peers.enter_context(socket.socket())
                     peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
                     await asyncio.to_thread(peer.connect, (str(address_of(0).ip), TCP))
-                await echo.until(lambda: len(echo.of(StreamOpened)) == 3)
+                await reached(lambda: len(echo.of(StreamOpened)) == 3, PATIENCE)
                 for opened in echo.of(StreamOpened):
                     # more than the kernel takes for such a peer
                     echo.link.sockets.act(opened.port, StreamData(opened.stream, bytes(MOST_OCTETS)))
@@ -305,7 +301,7 @@ def test_a_stream_that_ends_behind_octets_that_its_peer_never_reads_is_not_kept(
                 reader, writer = await asyncio.open_connection(str(address_of(0).ip), TCP)
                 assert await reader.read() == b""
                 writer.close()
-                await echo.until(lambda: echo.link.counters.dropped["unanswered"] == 3)
+                await reached(lambda: echo.link.counters.dropped["unanswered"] == 3, PATIENCE)
                 assert await ask(0) == b"HELLO"
 
     asyncio.run(run())
@@ -316,7 +312,7 @@ def test_a_station_closes_behind_its_last_octets(wire):
         async with Echo(wire, 1) as echo:
             async with asyncio.timeout(PATIENCE):
                 reader, writer = await asyncio.open_connection(str(address_of(0).ip), TCP)
-                await echo.until(lambda: echo.of(StreamOpened))
+                await reached(lambda: echo.of(StreamOpened), PATIENCE)
                 (opened,) = echo.of(StreamOpened)
                 echo.link.sockets.act(opened.port, StreamData(opened.stream, b"x" * 100_000))
                 echo.link.sockets.act(opened.port, StreamEnd(opened.stream))
@@ -332,15 +328,15 @@ def test_a_controller_s_port_opens_streams_to_drives_of_the_same_link(wire):
             carrier, (near, far) = echo.link.sockets, echo.ports
             echo.reply = False
             stream = carrier.connect(near.index, (address_of(1).ip, TCP))
-            await echo.until(lambda: len(echo.of(StreamOpened)) == 2)
+            await reached(lambda: len(echo.of(StreamOpened)) == 2, PATIENCE)
             there = next(event for event in echo.of(StreamOpened) if event.service == TCP)
             assert (there.port, there.peer[0]) == (far.index, address_of(0).ip)
             carrier.act(near.index, StreamData(stream, b"question"))
-            await echo.until(lambda: echo.of(StreamReceived))
+            await reached(lambda: echo.of(StreamReceived), PATIENCE)
             assert echo.of(StreamReceived) == [StreamReceived(far.index, there.stream, b"question")]
             assert carrier.next_hop(near.index, address_of(1).ip) == far.mac
             refused = carrier.connect(near.index, (address_of(1).ip, TCP + 1))
-            await echo.until(lambda: StreamClosed(near.index, refused) in echo.heard)
+            await reached(lambda: StreamClosed(near.index, refused) in echo.heard, PATIENCE)
 
     asyncio.run(run())
 
@@ -353,7 +349,7 @@ def test_a_drive_without_sockets_beside_one_with_them_stays_silent_to_the_kernel
             assert await ask(0) == b"HELLO"
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
                 sock.sendto(b"who", (str(address_of(1).ip), 161))
-            await echo.until(lambda: seen)
+            await reached(lambda: seen, PATIENCE)
             arp = [frame for port, frame in seen if port == echo.ports[1].index and frame[12:14] == b"\x08\x06"]
             assert arp
             # ARP is heard there, for conflicts of addresses

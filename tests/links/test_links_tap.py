@@ -6,6 +6,7 @@ import struct
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from waiting import reached
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links import tap as tap_module
@@ -42,12 +43,6 @@ class Inbox(list):
         self.append((port_index, data))
 
 
-async def until(condition):
-    async with asyncio.timeout(2):
-        while not condition():  # noqa: ASYNC110 - the condition is a plain look at counters
-            await asyncio.sleep(0.005)
-
-
 @pytest.mark.asyncio
 async def test_frames_pass_both_ways_and_cyclic_ones_go_to_their_own_receiver(tun, raw):
     link = TapLink("line-1")
@@ -62,7 +57,7 @@ async def test_frames_pass_both_ways_and_cyclic_ones_go_to_their_own_receiver(tu
             far_end.send(frame(second.mac, 0xFEFD))
             far_end.send(frame(second.mac, 0x8001))
             far_end.send(frame(BROADCAST, 0xFEFE))
-            await until(lambda: len(acyclic) == 2 and cyclic)
+            await reached(lambda: len(acyclic) == 2 and cyclic)
             assert acyclic == [(second.index, frame(second.mac, 0xFEFD)), (second.index, frame(BROADCAST, 0xFEFE))]
             assert cyclic == [(second.index, frame(second.mac, 0x8001))]
             link.send(second.index, frame(PLC, 0x8002))
@@ -81,7 +76,7 @@ async def test_tags_and_strangers_are_treated_as_at_a_packet_socket(tun, raw):
             far_end.send(frame(first.mac, 0xFEFD, tag=5))
             far_end.send(frame(first.mac, 0xFE01, tag=5 << 13 | 4))
             far_end.send(frame(DRIVES[1].mac, 0xFEFD))
-            await until(lambda: link.counters.dropped.total() == 2 and len(inbox) == 2)
+            await reached(lambda: link.counters.dropped.total() == 2 and len(inbox) == 2)
         assert inbox == [(first.index, frame(first.mac, 0xFEFD)), (first.index, frame(first.mac, 0xFE01))]
         assert link.counters.dropped == {"other-vlan": 1, "other-address": 1}
 
@@ -100,7 +95,7 @@ async def test_a_pulled_cable_shows_at_the_far_end_and_nothing_passes(tun, ip, r
         assert "NO-CARRIER" not in ip("link", "show", first.name)
         with raw(first.name) as far_end:
             far_end.send(frame(first.mac, 0xFEFD))
-            await until(lambda: inbox)
+            await reached(lambda: inbox)
 
 
 @pytest.mark.asyncio
@@ -113,9 +108,9 @@ async def test_the_address_of_a_drive_can_change(tun, raw):
         await link.set_mac(first.index, new)
         with raw(first.name) as far_end:
             far_end.send(frame(new, 0xFEFD))
-            await until(lambda: inbox)
+            await reached(lambda: inbox)
             far_end.send(frame(first.mac, 0xFEFD))
-            await until(lambda: link.counters.dropped["other-address"])
+            await reached(lambda: link.counters.dropped["other-address"])
 
 
 @pytest.mark.asyncio
@@ -150,7 +145,7 @@ async def test_an_interface_removed_under_the_link_is_counted_and_the_loop_goes_
     link = TapLink("line-1")
     async with opened(link) as (first, _):
         ip("link", "del", first.name)
-        await until(lambda: link.counters.dropped["interface-down"])
+        await reached(lambda: link.counters.dropped["interface-down"])
         link.send(first.index, frame(PLC, 0xFEFF))
         assert link.counters.dropped["interface-down"] == 2
 

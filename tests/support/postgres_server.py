@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 
 import pytest
@@ -118,13 +117,3 @@ def started():
         if server is not None:
             server.end()
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def until(condition, seconds: float = 20.0) -> bool:
-    """Whether it holds within so long."""
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.01)
-    return True

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 from contextlib import asynccontextmanager
 
@@ -10,7 +9,7 @@ from pnfarm.controller.runtime import Plc
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.station.event_log import EventLog
 
-__all__ = ["config", "master", "states", "until"]
+__all__ = ["config", "master", "states"]
 
 FARM = """
 farm: dpline{number}
@@ -39,12 +38,6 @@ async def master(config):
             yield plc
         finally:
             await plc.release()
-
-
-async def until(condition, seconds=20.0):
-    async with asyncio.timeout(seconds):
-        while not condition():  # noqa: ASYNC110 - a condition of the other end's has no event
-            await asyncio.sleep(0.01)
 
 
 def states(farm):

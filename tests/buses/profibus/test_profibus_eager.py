@@ -8,7 +8,8 @@ import random
 from contextlib import asynccontextmanager
 
 import anyio
-from serial_farm import config, master, states, until
+from serial_farm import config, master, states
+from waiting import reached
 
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.views.snapshot import line_snapshot
@@ -46,15 +47,15 @@ async def running(way, drives):
 def test_drives_start_up_run_and_tell_their_diagnosis_where_polls_are_answered_at_once(tmp_path):
     async def task():
         async with running(f"pty: {tmp_path}/line, baud: 1500000", 4) as (farm, count):
-            await until(lambda: [state for state, *_ in states(farm)] == [4] * 4)
-            await until(lambda: count[0] > 200)
+            await reached(lambda: [state for state, *_ in states(farm)] == [4] * 4)
+            await reached(lambda: count[0] > 200)
             # an injection of one drive takes all polls off the fastest path, and its end brings them back
             farm.core.injections.inject({"kind": "diagnosis-request", "on": "axis-01"}, farm.now())
             diagnoses = farm.core.line_counts("profibus")["diagnosis"]
-            await until(lambda: farm.core.line_counts("profibus")["diagnosis"] > diagnoses)
+            await reached(lambda: farm.core.line_counts("profibus")["diagnosis"] > diagnoses)
             farm.core.injections.clear(None, farm.now())
             before = count[0]
-            await until(lambda: count[0] > before + 100)
+            await reached(lambda: count[0] > before + 100)
             assert [state for _, state, _ in states(farm)] == [DpState.DATA_EXCH] * 4
             # both ends agree about what they counted
             line = line_snapshot(farm.core, "profibus")
@@ -68,7 +69,7 @@ def test_drives_start_up_run_and_tell_their_diagnosis_where_polls_are_answered_a
 def test_noise_between_polls_is_counted_and_the_drives_run_on(tmp_path):
     async def task():
         async with running(f"pty: {tmp_path}/line", 2) as (farm, count):
-            await until(lambda: count[0] > 50)
+            await reached(lambda: count[0] > 50)
             fd = os.open(f"{tmp_path}/line", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             chance = random.Random(1)
             try:
@@ -79,9 +80,9 @@ def test_noise_between_polls_is_counted_and_the_drives_run_on(tmp_path):
             finally:
                 os.close(fd)
             assert sum(line_snapshot(farm.core, "profibus")["dropped"].values()) > 0
-            await until(lambda: [state for _, state, _ in states(farm)] == [DpState.DATA_EXCH] * 2)
+            await reached(lambda: [state for _, state, _ in states(farm)] == [DpState.DATA_EXCH] * 2)
             before = count[0]
-            await until(lambda: count[0] > before + 50)
+            await reached(lambda: count[0] > before + 50)
 
     on_looking_loop(task)
 
@@ -89,7 +90,7 @@ def test_noise_between_polls_is_counted_and_the_drives_run_on(tmp_path):
 def test_the_loops_timers_and_other_threads_calls_are_not_held_up_by_polls(tmp_path):
     async def task():
         async with running(f"pty: {tmp_path}/line", 1) as (_, count):
-            await until(lambda: count[0] > 50)
+            await reached(lambda: count[0] > 50)
             loop, called = asyncio.get_running_loop(), asyncio.Event()
             await asyncio.to_thread(loop.call_soon_threadsafe, called.set)
             async with asyncio.timeout(20):

@@ -8,7 +8,8 @@ import os
 import random
 
 import pytest
-from serial_farm import config, master, states, until
+from serial_farm import config, master, states
+from waiting import reached
 
 from pnfarm.api.schemas.farm import LineView
 from pnfarm.buses import registry
@@ -45,7 +46,7 @@ async def poured(fd: int, octets: bytes) -> None:
 async def test_a_million_octets_of_noise_change_nothing_but_counters(tmp_path):
     told = config(f"pty: {tmp_path}/line")
     async with Farm(told, log=EventLog(quiet=True)) as farm:
-        await until(lambda: all(state[0] == 1 for state in states(farm)))
+        await reached(lambda: all(state[0] == 1 for state in states(farm)))
         before = states(farm)
         (link,) = lines_of(farm.link).values()
         draw = random.Random(20)
@@ -60,14 +61,14 @@ async def test_a_million_octets_of_noise_change_nothing_but_counters(tmp_path):
         fd = os.open(tmp_path / "line", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
             await poured(fd, octets)
-            await until(lambda: link.line.counters.received == len(octets))
+            await reached(lambda: link.line.counters.received == len(octets))
         finally:
             os.close(fd)
         assert states(farm) == before
         assert sum(link.splitter.dropped.values()) > 100_000
         assert len(farm.log.entries("axis-01")) < 50
         async with master(told) as plc:
-            await until(lambda: plc.controllers.all_running)
+            await reached(lambda: plc.controllers.all_running)
 
 
 @pytest.mark.parametrize("way", ["pty", "listen"])
@@ -103,7 +104,7 @@ async def test_a_running_controller_is_asked_for_the_parameters_of_its_stations(
         return code, said.out or said.err
 
     async with Farm(whole, log=EventLog(quiet=True)) as farm, master(whole) as plc:
-        await until(lambda: plc.core.all_connected)
+        await reached(lambda: plc.core.all_connected)
         at_once = [param("set", "12", "P-1256", "2"), param("get", "11", "922"), param("get", "12", "918")]
         told = await asyncio.gather(*at_once)
         assert [code for code, _ in told] == [0, 0, 0], told
@@ -124,7 +125,7 @@ async def test_a_line_that_a_master_has_open_is_not_taken_from_it(tmp_path, caps
     line = str(tmp_path / "line")
     whole = config(f"pty: '{line}'", 1)
     async with Farm(whole, log=EventLog(quiet=True)) as farm, master(whole) as plc:
-        await until(lambda: plc.core.all_connected)
+        await reached(lambda: plc.core.all_connected)
         # the far end under a name that the controller does not know
         far = await asyncio.to_thread(os.path.realpath, line)
         assert await asyncio.to_thread(main, ["param", "get", "11", "918", "--line", far]) == 4
@@ -140,10 +141,10 @@ async def test_a_master_over_tcp_is_lost_and_another_one_takes_its_place(tmp_pat
         # the controller finds the other end by the farm's own
         told = config(f"listen: '127.0.0.1:{link.line.port}'")
         async with master(told) as plc:
-            await until(lambda: plc.controllers.all_running)
-        await until(lambda: not any(station.device.connected for station in farm.core.axes))
+            await reached(lambda: plc.controllers.all_running)
+        await reached(lambda: not any(station.device.connected for station in farm.core.axes))
         async with master(told) as plc:
-            await until(lambda: plc.controllers.all_running)
+            await reached(lambda: plc.controllers.all_running)
         assert [station.device.connects for station in farm.core.axes] == [2] * 4
         assert link.line.counters.opened == 2
 
@@ -152,7 +153,7 @@ async def test_a_capture_of_a_running_farm_has_the_telegrams_of_each_drive(tmp_p
     told, path = config(f"pty: {tmp_path}/line", 2), tmp_path / "line.pcapng"
     async with Farm(told, log=EventLog(quiet=True), capture=CaptureSettings(path)) as farm:
         async with master(told) as plc:
-            await until(lambda: plc.controllers.all_running)
+            await reached(lambda: plc.controllers.all_running)
         received = farm.core.axes[0].device.image.counts.received
     decoder = registry.decoder()
     lines = [line for frame in FrameReader(path, decoder.link_types) for line in decoder.feed(frame)]
@@ -177,10 +178,10 @@ async def test_metrics_and_api_tell_of_the_line(tmp_path):
         before = line_snapshot(farm.core, "profibus")
         assert (before["up"], before["where"].split(" ")[0]) == (False, f"{tmp_path}/line")
         async with master(told) as plc:
-            await until(lambda: plc.controllers.all_running)
+            await reached(lambda: plc.controllers.all_running)
             assert line_snapshot(farm.core, "profibus")["up"]
             os.write(os.open(tmp_path / "line", os.O_RDWR | os.O_NOCTTY), b"\x99" * 7)
-            await until(lambda: line_snapshot(farm.core, "profibus")["dropped"].get("garbage", 0) >= 7)
+            await reached(lambda: line_snapshot(farm.core, "profibus")["dropped"].get("garbage", 0) >= 7)
         seen = LineView.model_validate(line_snapshot(farm.core, "profibus"))
         values = {
             (sample.name, *sorted(sample.labels.values())): sample.value
@@ -203,10 +204,10 @@ async def test_metrics_and_api_tell_of_the_line(tmp_path):
 async def test_counts_of_a_line_do_not_fall_when_a_drive_is_switched_off_and_on(tmp_path):
     told = config(f"pty: {tmp_path}/line", 1)
     async with Farm(told, log=EventLog(quiet=True)) as farm, master(told) as plc:
-        await until(lambda: plc.controllers.all_running)
+        await reached(lambda: plc.controllers.all_running)
         # on a machine that stood, the master may have begun more than once
         before, connects = farm.core.line_counts("profibus")["diagnosis"], farm.core.axes[0].device.connects
         farm.core.axes[0].station.power_cycle(farm.now())
         farm.poke()
-        await until(lambda: farm.core.axes[0].device.connects > connects)
+        await reached(lambda: farm.core.axes[0].device.connects > connects)
         assert farm.core.line_counts("profibus")["diagnosis"] > before
