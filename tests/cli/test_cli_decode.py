@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import re
 import shutil
@@ -14,12 +13,12 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from recorded import record, write_frames
 from scapy.utils import RawPcapNgReader
 
 from pnfarm.captures.reading import FrameReader
-from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.links.capture.pcap import PcapngWriter, packet_block, section_header
+from pnfarm.links.capture.pcap import packet_block, section_header
 from pnfarm.protocols.profinet.wire.dcp.blocks import NameBlock
 from pnfarm.protocols.profinet.wire.dcp.pdu import (
     DCP_IDENTIFY_RESPONSE,
@@ -59,16 +58,7 @@ def is_cyclic(data: bytes) -> bool:
 def virtual(tmp_path_factory):
     """A capture of a line in virtual time, and its farm file."""
     folder = tmp_path_factory.mktemp("virtual")
-
-    async def record() -> None:
-        line = await VirtualLine.create(
-            parse_farm(FARM.replace("{kind: veth}", "{kind: memory}")), pcap=folder / "line.pcapng", epoch_ns=0
-        )
-        assert line.world.run(5.0, until=lambda: line.plc.all_running)
-        line.world.run(0.5)
-        await line.close()
-
-    asyncio.run(record())
+    record(FARM.replace("{kind: veth}", "{kind: memory}"), folder / "line.pcapng", seconds=0.5)
     (folder / "line.pnfarm.yml").write_text(FARM)
     return folder / "line.pcapng"
 
@@ -311,9 +301,7 @@ def test_what_a_station_says_is_one_line_and_cannot_control_the_terminal(pnfarm,
     name = NameBlock("axis\x1b[2J\n-1")
     pdu = emit_dcp(DcpPdu(DCP_IDENTIFY_RESPONSE, SERVICE_IDENTIFY, TYPE_SUCCESS, 7, (name,)))
     path = tmp_path / "line.pcapng"
-    writer = PcapngWriter(path)
-    writer.write(writer.add_interface(""), bytes.fromhex("020000000001 020000000002 8892") + pdu, 10**18, "in")
-    writer.close()
+    write_frames(path, [(bytes.fromhex("020000000001 020000000002 8892") + pdu, 10**18)], "")
     done = pnfarm("decode", path)
     (line,) = done.out.splitlines()
     assert line.endswith("DCP Identify.res name axis?[2J?-1")
@@ -331,22 +319,11 @@ def test_the_devices_of_a_farm_file_are_known_where_the_capture_begins_in_the_mi
     pnfarm, tmp_path, farm, device, begin
 ):
     file, whole, rest = CONFIGS / f"{farm}.pnfarm.yml", tmp_path / "whole.pcapng", tmp_path / "rest.pcapng"
-
-    async def record() -> None:
-        line = await VirtualLine.create(parse_farm(file.read_text("utf-8"), file), pcap=whole)
-        assert line.world.run(10.0, until=lambda: line.controllers.all_running)
-        line.world.run(3.0 if farm == "weigher" else 0.2)
-        await line.close()
-
-    asyncio.run(record())
+    record(parse_farm(file.read_text("utf-8"), file), whole, seconds=3.0 if farm == "weigher" else 0.2)
     frames = list(FrameReader(whole, [PROFIBUS_DL]))
-    writer = PcapngWriter(rest)
+    last = [(one.data, one.time_ns) for one in frames if one.time_ns > frames[-1].time_ns - 100_000_000]
     # an interface without a name, which says nothing of the stations
-    interface = writer.add_interface("", link_type=frames[-1].link_type)
-    for frame in frames:
-        if frame.time_ns > frames[-1].time_ns - 100_000_000:
-            writer.write(interface, frame.data, frame.time_ns, "in")
-    writer.close()
+    write_frames(rest, last, "", frames[-1].link_type)
     found = pnfarm("decode", rest, "--farm", file, "--drive", device, "--only", "cyclic").out
     (line,) = [line for line in found.splitlines() if f"{device} -> plc cyclic data begin" in line]
     assert begin in line

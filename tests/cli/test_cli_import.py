@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import random
 from dataclasses import replace
 from ipaddress import IPv4Address
@@ -16,17 +15,16 @@ from gsdml_examples import ISLAND
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from imported import check_found
+from recorded import record, write_frames
 
 from pnfarm.buses import registry
 from pnfarm.buses.ethernetip.bus import ETHERNETIP
 from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation, ImportingBus
 from pnfarm.buses.projects.description_folders import DescriptionFile
 from pnfarm.captures.reading import CapturedFrame, FrameReader
-from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.found import write_farm
 from pnfarm.farm.file.reading import expand, load_farm, parse_farm
-from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.enip.connection_check import check_io, read_path
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire import forward_open as fo
@@ -66,14 +64,7 @@ def capture(tmp_path_factory):
     """The start-up of a plant in virtual time, and the farm that made it."""
     file = tmp_path_factory.mktemp("plant") / "plant.pcapng"
     config = parse_farm(PLANT.replace("{IDENTITY}", "{}"))
-
-    async def record():
-        line = await VirtualLine.create(config, pcap=file, epoch_ns=0)
-        assert line.world.run(5.0, until=lambda: line.plc.all_running)
-        line.world.run(0.2)
-        await line.close()
-
-    asyncio.run(record())
+    record(config, file, seconds=0.2)
     return file, config
 
 
@@ -138,13 +129,7 @@ def test_a_drive_under_other_idents_keeps_them_and_connects(pnfarm, tmp_path):
     text = PLANT.replace("{IDENTITY}", IDENTITY).replace("cycle: 16ms", "cycle: 16ms\n  telegram: 101")
     config = parse_farm("\n".join(line for line in text.splitlines() if "infeed" not in line and "hiwin" not in line))
     file = tmp_path / "plant.pcapng"
-
-    async def record():
-        line = await VirtualLine.create(config, pcap=file, epoch_ns=0)
-        assert line.world.run(5.0, until=lambda: line.plc.all_running)
-        await line.close()
-
-    asyncio.run(record())
+    record(config, file)
     text = imported(pnfarm, file)
     (made,) = [drive for drive in expand(parse_farm(text)) if drive.name == "press"]
     assert made.model == "moog-msd"
@@ -176,13 +161,7 @@ def taped(folder, item=None, asked=None, refusal=None):
 
 def written(tape, folder):
     """The frames as a file."""
-    file = folder / "cell.pcapng"
-    writer = PcapngWriter(file)
-    interface = writer.add_interface("eth1")
-    for frame, time_ns in zip(tape.frames, tape.times, strict=True):
-        writer.write(interface, frame, time_ns, "in")
-    writer.close()
-    return file
+    return write_frames(folder / "cell.pcapng", zip(tape.frames, tape.times, strict=True))
 
 
 def adapter(vendor=452, product=1, name=b"AKD", revision=(1, 13)):

@@ -12,6 +12,7 @@ from captured_controller import CapturedController, differences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from imported import check_found
+from recorded import record
 from seen_stations import DEVICE, HEAD, ISLAND, PLC, SECOND, SeenPlant, differing
 from wide_device import wide_file, wide_group
 
@@ -105,13 +106,7 @@ controller: {name: plc, ip: 10.77.0.1/24, cycle: 16ms}
 def plant(tmp_path_factory):
     """The start-up of three drives in virtual time."""
     file = tmp_path_factory.mktemp("plant") / "plant.pcapng"
-
-    async def record():
-        line = await VirtualLine.create(parse_farm(PLANT), pcap=file, epoch_ns=0)
-        assert line.world.run(5.0, until=lambda: line.plc.all_running)
-        await line.close()
-
-    asyncio.run(record())
+    record(PLANT, file)
     return file
 
 
@@ -157,13 +152,7 @@ def test_a_device_made_of_a_capture_is_the_same_when_it_is_captured_again_also_f
     plc = {"name": "plc", "ip": "10.77.0.1/24", "cycle": "1ms"}
     text = yaml.safe_dump({"farm": "one", "link": {"kind": "memory"}, "devices": [group], "controller": plc})
     file = tmp_path / "again.pcapng"
-
-    async def record():
-        line = await VirtualLine.create(parse_farm(text, tmp_path / "one.pnfarm.yml"), pcap=file, epoch_ns=10**18)
-        assert line.world.run(5.0, until=lambda: line.plc.all_connected)
-        await line.close()
-
-    asyncio.run(record())
+    record(parse_farm(text, tmp_path / "one.pnfarm.yml"), file, connected=True, epoch_ns=10**18)
     out = farm_of(pnfarm, file, tmp_path)
     assert yaml.safe_load(out.read_text())["devices"][0]["slots"] == seen.keys["slots"]
     (again,) = tmp_path.glob("GSDML-*-pnfarm-island-20010909.xml")
@@ -174,14 +163,7 @@ def test_a_connection_with_several_crs_makes_a_device_that_takes_it_and_runs_at_
     group = wide_group(wide_file(tmp_path), {1: "8_8", 2: "8_8", 3: "720_720"}, ", cycle: 8ms, cycles: {2: 64ms}")
     text = f"farm: one\nlink: {{kind: memory}}\n{group}controller: {{name: plc, ip: 10.77.0.1/24}}\n"
     file = tmp_path / "wide.pcapng"
-
-    async def record():
-        line = await VirtualLine.create(parse_farm(text, tmp_path / "one.pnfarm.yml"), pcap=file, epoch_ns=0)
-        assert line.world.run(5.0, until=lambda: line.plc.all_connected)
-        line.world.run(0.3)
-        await line.close()
-
-    asyncio.run(record())
+    record(parse_farm(text, tmp_path / "one.pnfarm.yml"), file, seconds=0.3, connected=True)
     shown = pnfarm("decode", file).out
     assert all(f"frame id 0x{number:04X}, " in shown for number in range(0x8000, 0x8004))
     assert "impossible" not in shown

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from imported import check_found, comments
 from l5x_project import connection, module
 from l5x_project import project as l5x_project
+from recorded import record, write_frames
 
 from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation, Said
 from pnfarm.buses.merging import Source, merged
@@ -28,7 +29,6 @@ from pnfarm.buses.projects.description_folders import DescriptionFile
 from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.file.reading import load_farm, parse_farm
-from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.enip.wire.cpf import emit_items
 from pnfarm.protocols.enip.wire.encapsulation import Command, EncapsulationPdu, emit_encapsulation
 from pnfarm.protocols.enip.wire.identity import IdentityItem
@@ -58,15 +58,7 @@ ISLAND = GSDML.name
 def capture(tmp_path_factory):
     """The start of the real plant, in virtual time."""
     file = tmp_path_factory.mktemp("plant") / "start.pcapng"
-    text = PLANT.replace("ISLAND", str(GSDML))
-
-    async def record():
-        line = await VirtualLine.create(parse_farm(text), pcap=file, epoch_ns=10**18)
-        assert line.world.run(5.0, until=lambda: line.plc.all_connected)
-        line.world.run(0.2)
-        await line.close()
-
-    asyncio.run(record())
+    record(PLANT.replace("ISLAND", str(GSDML)), file, seconds=0.2, connected=True, epoch_ns=10**18)
     return file
 
 
@@ -189,11 +181,7 @@ def test_a_studio_5000_project_and_a_capture_are_joined_by_ip_address(pnfarm, fo
     item = IdentityItem(IPv4Address("10.77.0.11"), 452, 16, 1, (1, 14), 0x30, 1, b"AKD", 3)
     tape.udp(1, emit_encapsulation(EncapsulationPdu(Command.LIST_IDENTITY, emit_items((item,)))), (44818, 50_000))
     connect(tape, forward_open(o_to_t_rpi_us=20_000, t_to_o_rpi_us=20_000))
-    writer = PcapngWriter(folder / "start.pcapng")
-    interface = writer.add_interface("eth1")
-    for frame, time_ns in zip(tape.frames, tape.times, strict=True):
-        writer.write(interface, frame, time_ns, "in")
-    writer.close()
+    write_frames(folder / "start.pcapng", zip(tape.frames, tape.times, strict=True))
     file = folder / "line.L5X"
     akd = {"CatalogNumber": "AKD", "Vendor": 452, "ProductType": 16, "ProductCode": 1, "Major": 1, "Minor": 13}
     file.write_text(l5x_project(module("Feeder", "10.77.0.11", connection(), **akd)))

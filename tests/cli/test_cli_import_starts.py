@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import tracemalloc
 from dataclasses import replace
 from ipaddress import IPv4Address
@@ -11,8 +10,9 @@ from uuid import UUID
 import pytest
 import yaml
 from cip_tape import MANAGER, Tape, connect, forward_open
-from edited_capture import frames_of, in_fragments, tagged, write_frames
+from edited_capture import in_fragments, tagged
 from imported import check_found, comments
+from recorded import record, write_frames
 from seen_stations import ADDRESS, DEVICE, HEAD, ISLAND, PLC, SECOND, SeenPlant
 
 from pnfarm.buses import registry
@@ -21,9 +21,7 @@ from pnfarm.buses.profibus.bus import PROFIBUS
 from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.buses.profinet.decode.shared import Call
 from pnfarm.captures.packet import Packet
-from pnfarm.captures.reading import CapturedFrame
-from pnfarm.controller.line import VirtualLine
-from pnfarm.farm.file.reading import parse_farm
+from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire.cpf import emit_items
 from pnfarm.protocols.enip.wire.encapsulation import Command, EncapsulationPdu, emit_encapsulation
@@ -67,14 +65,8 @@ controller: {name: plc, ip: 10.77.0.1/24, cycle: 16ms}
 def frames(tmp_path_factory):
     """The start of three drives in virtual time, without its cyclic frames: they say nothing more."""
     file = tmp_path_factory.mktemp("plant") / "plant.pcapng"
-
-    async def record():
-        line = await VirtualLine.create(parse_farm(PLANT), pcap=file, epoch_ns=10**18)
-        assert line.world.run(5.0, until=lambda: line.plc.all_running)
-        await line.close()
-
-    asyncio.run(record())
-    return [one for one in frames_of(file) if parse_ethernet(one.data).payload[:1] not in {b"\x80", b"\xc0"}]
+    record(PLANT, file, epoch_ns=10**18)
+    return [one for one in FrameReader(file) if parse_ethernet(one.data).payload[:1] not in {b"\x80", b"\xc0"}]
 
 
 @pytest.fixture
@@ -82,7 +74,10 @@ def imported(pnfarm, tmp_path):
     """A function that imports frames, as devices and with one file for each list; result and groups by name."""
 
     def run(*lists, options=()):
-        files = [write_frames(tmp_path / f"cell-{number}.pcapng", one) for number, one in enumerate(lists)]
+        files = [
+            write_frames(tmp_path / f"cell-{number}.pcapng", [(each.data, each.time_ns) for each in one])
+            for number, one in enumerate(lists)
+        ]
         out = tmp_path / "cell.pnfarm.yml"
         result = pnfarm("import", *files, "-o", out, "--force", "--name", "cell", "--devices", *options)
         assert result.code == 0, result.err
@@ -218,7 +213,7 @@ def test_captures_of_parts_of_the_time_and_of_parts_of_the_plant_are_one(importe
 
 
 def test_a_project_among_several_files_is_refused_with_how_to_join_it(pnfarm, tmp_path, frames):
-    file, project = write_frames(tmp_path / "cell.pcapng", frames[:1]), tmp_path / "cell.aml"
+    file, project = write_frames(tmp_path / "cell.pcapng", [(frames[0].data, 0)]), tmp_path / "cell.aml"
     project.write_text("<CAEXFile/>")
     refused = pnfarm("import", file, project)
     assert (refused.code, "by --merge" in refused.err) == (2, True)

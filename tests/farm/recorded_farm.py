@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.controller.line import VirtualLine
-from pnfarm.farm.file.reading import parse_farm
 
 FARM = """
 farm: line-1
@@ -25,10 +22,8 @@ controller:
 """
 
 
-async def record(path: Path) -> None:
-    line = await VirtualLine.create(parse_farm(FARM), pcap=path, epoch_ns=0)
+def under_faults(line: VirtualLine) -> None:
     faults = line.farm.injections
-    assert line.world.run(5.0, until=lambda: line.plc.all_running)
     faults.inject({"kind": "f702", "on": "axis-01"}, line.world.now)
     line.world.run(1.0)
     lost = {"kind": "loss", "on": "axis-02", "direction": "out", "probability": 1, "count": 2}
@@ -40,7 +35,6 @@ async def record(path: Path) -> None:
     line.world.run(2.0)
     line.plc.release(line.world.now)
     line.world.run(1.0, until=lambda: line.plc.all_stopped)
-    await line.close()
 
 
 def described(frames) -> list[str]:

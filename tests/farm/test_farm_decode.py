@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recorded_farm import FARM, described, record
+from recorded import record
+from recorded_farm import FARM, described, under_faults
 
 from pnfarm.buses.bus import line_of
 from pnfarm.buses.profinet.decode.cyclic import status_text
@@ -37,7 +38,7 @@ CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"
 @pytest.fixture(scope="module")
 def farm_capture(tmp_path_factory):
     path = tmp_path_factory.mktemp("capture") / "line-1.pcapng"
-    asyncio.run(record(path))
+    record(FARM, path, under_faults)
     return path
 
 
@@ -67,18 +68,15 @@ def in_order(found: list[str], *wanted: str) -> None:
 # -- a farm
 
 
-async def record_e1(path: Path) -> None:
+def record_e1(path: Path) -> None:
     text = FARM.replace("akd-profinet", "hiwin-e1").replace("16ms", "4ms")
-    line = await VirtualLine.create(parse_farm(text[: text.index("  records:")]), pcap=path, epoch_ns=0)
-    assert line.world.run(5.0, until=lambda: line.plc.all_running)
-    line.world.run(0.2)
-    await line.close()
+    record(text[: text.index("  records:")], path, seconds=0.2)
 
 
 def test_bits_have_the_names_of_the_drives_model(farm_capture, tmp_path):
     """Bits 4 to 6 of STW1 work the AKD's ramp generator; the E1 reserves them in telegram 3 (its manual, 3.3.1)."""
     path = tmp_path / "e1.pcapng"
-    asyncio.run(record_e1(path))
+    record_e1(path)
     names = []
     for capture in (farm_capture, path):
         decoder, _ = decoded(capture)
@@ -90,7 +88,7 @@ def test_bits_have_the_names_of_the_drives_model(farm_capture, tmp_path):
 
 def test_a_sign_of_life_that_runs_is_not_worth_a_line(tmp_path):
     path = tmp_path / "e1.pcapng"
-    asyncio.run(record_e1(path))
+    record_e1(path)
     found = texts(path)
     assert any("telegram 3" in line for line in found)
     assert any(line.startswith("plc -> axis-01 STW1") and "enable operation set" in line for line in found)
@@ -99,7 +97,7 @@ def test_a_sign_of_life_that_runs_is_not_worth_a_line(tmp_path):
 
 def test_words_of_bits_are_hexadecimal_and_quantities_are_decimal(tmp_path):
     path = tmp_path / "e1.pcapng"
-    asyncio.run(record_e1(path))
+    record_e1(path)
     line = [line for line in texts(path, every_frame=True) if "NIST_B" in line][-1]
     assert re.search(r"ZSW1 0x[0-9A-F]{4} NIST_B -?\d+ ZSW2 0x[0-9A-F]{4} G1_ZSW 0x[0-9A-F]{4} G1_XIST1 -?\d+ ", line)
 
@@ -158,9 +156,7 @@ def test_a_silence_and_its_end_in_words(farm_capture):
     )
 
 
-async def record_reads_and_pulls(path: Path) -> None:
-    line = await VirtualLine.create(parse_farm(FARM), pcap=path, epoch_ns=0)
-    assert line.world.run(5.0, until=lambda: line.plc.all_running)
+def reads_and_pulls_modules(line: VirtualLine) -> None:
     for subslot, index in ((0x8000, 0x8080), (0x8001, 0x802A), (1, 0xF841)):
         line.plc.read_record("axis-01", (0, 0, subslot, index), line.world.now)
     line.world.run(0.5)
@@ -173,13 +169,12 @@ async def record_reads_and_pulls(path: Path) -> None:
         hand()
         line.farm.settle(station.station, line.world.now)
         line.world.run(0.5)
-    await line.close()
 
 
 @pytest.fixture(scope="module")
 def reads_and_pulls(tmp_path_factory):
     path = tmp_path_factory.mktemp("capture") / "reads.pcapng"
-    asyncio.run(record_reads_and_pulls(path))
+    record(FARM, path, reads_and_pulls_modules)
     return texts(path)
 
 

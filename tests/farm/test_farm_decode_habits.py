@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import struct
 from dataclasses import replace
 from uuid import UUID
 
 import pytest
-from recorded_farm import described, record
+from recorded import record
+from recorded_farm import FARM, described, under_faults
 
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.reading import CapturedFrame, FrameReader
@@ -31,7 +31,7 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
 def start_up(tmp_path_factory):
     """The frames between axis-01 and its controller up to some cyclic ones, by what they are."""
     path = tmp_path_factory.mktemp("capture") / "line-1.pcapng"
-    asyncio.run(record(path))
+    record(FARM, path, under_faults)
     decoder = make_decoder()
     found = []
     for frame in FrameReader(path):

@@ -1,16 +1,14 @@
 """A drive system on one PROFINET connection: control unit, infeed and three axes of different telegrams."""
 
-import asyncio
-
 import pytest
 from axes_line import AxesLine
 from imported import check_found
+from recorded import record
 
 from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.reading import FrameReader
 from pnfarm.cli.farm_file import check_impairments
-from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.farm.injections import add_impairments
@@ -199,18 +197,10 @@ def test_a_power_cycle_brings_every_object_back(line):
     assert line.states() == RUNNING
 
 
-async def record(path):
-    line = await VirtualLine.create(parse_farm(FILE), pcap=path, epoch_ns=0)
-    assert line.world.run(5.0, until=lambda: line.plc.all_running)
-    line.farm.axis("s.y").raise_fault(12, hold=False)
-    line.world.run(0.5)
-    await line.close()
-
-
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
     path = tmp_path_factory.mktemp("capture") / "system.pcapng"
-    asyncio.run(record(path))
+    record(FILE, path, lambda line: line.farm.axis("s.y").raise_fault(12, hold=False), seconds=0.5)
     return path
 
 

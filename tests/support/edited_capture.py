@@ -3,25 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
-from pnfarm.captures.reading import CapturedFrame, FrameReader
-from pnfarm.links.capture.pcap import PcapngWriter
+from pnfarm.captures.reading import CapturedFrame
 from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_SERVICE_VLAN, ETHERTYPE_VLAN, parse_ethernet
 from pnfarm.wire.ipv4 import PROTOCOL_UDP, emit_ipv4, parse_ipv4
-
-
-def frames_of(file: Path) -> list[CapturedFrame]:
-    return list(FrameReader(file))
-
-
-def write_frames(file: Path, frames) -> Path:
-    writer = PcapngWriter(file)
-    interface = writer.add_interface("eth1")
-    for frame in frames:
-        writer.write(interface, frame.data, frame.time_ns, "in")
-    writer.close()
-    return file
 
 
 def tagged(frame: CapturedFrame, *vids: int) -> CapturedFrame:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 
 import pytest
+from recorded import record
 
 from pnfarm.cli.main import main
-from pnfarm.controller.line import VirtualLine
-from pnfarm.farm.file.reading import parse_farm
 
 FARM = """\
 farm: line
@@ -28,14 +26,7 @@ controller:
 def line(tmp_path_factory):
     """The capture has no TCP, because streams are joined directly in memory."""
     folder = tmp_path_factory.mktemp("line")
-
-    async def record() -> None:
-        made = await VirtualLine.create(parse_farm(FARM), pcap=folder / "line.pcapng", epoch_ns=0)
-        assert made.world.run(10.0, until=lambda: made.plc.all_running)
-        made.world.run(0.5)
-        await made.close()
-
-    asyncio.run(record())
+    record(FARM, folder / "line.pcapng", seconds=0.5)
     (folder / "line.pnfarm.yml").write_text(FARM)
     return folder / "line.pcapng"
 

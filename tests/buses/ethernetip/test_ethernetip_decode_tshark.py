@@ -8,8 +8,8 @@ import subprocess
 
 import pytest
 from cip_tape import IDS, MANAGER, Tape, command, connect, forward_open, known
+from recorded import write_frames
 
-from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire import forward_open as fo
 from pnfarm.protocols.enip.wire.encapsulation import Command
@@ -71,11 +71,7 @@ def both(tmp_path_factory):
         pytest.skip("needs the tool `tshark`")
     tape = recorded()
     path = tmp_path_factory.mktemp("decode") / "enip.pcapng"
-    writer = PcapngWriter(path)
-    interface = writer.add_interface("enip")
-    for frame, time_ns in zip(tape.frames, tape.times, strict=True):
-        writer.write(interface, frame, time_ns, "in")
-    writer.close()
+    write_frames(path, zip(tape.frames, tape.times, strict=True))
 
     def fields(*names: str, where: str) -> dict[int, tuple[list[int | str], ...]]:
         wanted = [word for name in ("frame.number", *names) for word in ("-e", name)]

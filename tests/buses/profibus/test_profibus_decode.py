@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recorded import record, write_frames
 
 from pnfarm.buses import registry
 from pnfarm.captures.reading import CapturedFrame
 from pnfarm.cli.main import main
-from pnfarm.controller.line import VirtualLine
-from pnfarm.farm.file.reading import parse_farm
-from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.profibus.wire.dpv1 import Access, Function, Initiate
 from pnfarm.protocols.profibus.wire.telegram import Request, Sap, ShortAck, Telegram, Token, emit_telegram
 
@@ -39,16 +36,7 @@ def recorded(tmp_path, work, keys="access: class-1"):
     """Path of a farm file, and of the capture of ``work``, which is given the line in virtual time."""
     file, capture = tmp_path / "dp.pnfarm.yml", tmp_path / "dp.pcapng"
     file.write_text(FARM.format(keys=keys), "utf-8")
-
-    async def record():
-        line = await VirtualLine.create(parse_farm(file.read_text("utf-8")), pcap=capture)
-        try:
-            assert line.world.run(5.0, until=lambda: line.controllers.all_running)
-            work(line)
-        finally:
-            await line.close()
-
-    asyncio.run(record())
+    record(file.read_text("utf-8"), capture, work)
     return file, capture
 
 
@@ -62,14 +50,9 @@ def decoded(capsys, *arguments):
 
 def written(tmp_path, *telegrams, step_ns=MS):
     """A capture of these octets, in turn."""
-    path = tmp_path / "line.pcapng"
-    writer = PcapngWriter(path)
-    number = writer.add_interface("", link_type=PROFIBUS_DL)
-    for place, telegram in enumerate(telegrams):
-        octets = telegram if isinstance(telegram, bytes) else emit_telegram(telegram)
-        writer.write(number, octets, 10**18 + place * step_ns, "in")
-    writer.close()
-    return path
+    octets = [one if isinstance(one, bytes) else emit_telegram(one) for one in telegrams]
+    timed = [(each, 10**18 + place * step_ns) for place, each in enumerate(octets)]
+    return write_frames(tmp_path / "line.pcapng", timed, "", PROFIBUS_DL)
 
 
 def test_the_way_to_data_exchange_and_into_operation_is_told(tmp_path, capsys):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import random
 
 import pytest
@@ -10,15 +9,14 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from imported import check_found
+from recorded import record, write_frames
 
 from pnfarm.buses import registry
 from pnfarm.buses.imports import FoundDrive
 from pnfarm.buses.profibus.bus import PROFIBUS
 from pnfarm.captures.reading import CapturedFrame
 from pnfarm.cli.main import main
-from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import expand, parse_farm
-from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.profibus.wire.dp import Diagnosis, Parameters, PrmStatus, StationStatus
 from pnfarm.protocols.profibus.wire.telegram import Sap, ShortAck, Telegram, emit_telegram
 from pnfarm.testing import Line
@@ -42,15 +40,7 @@ SRD = 0x6D
 def capture(tmp_path_factory):
     """The start-up of a line in virtual time."""
     file = tmp_path_factory.mktemp("dp") / "hall 3.pcapng"
-
-    async def record():
-        line = await VirtualLine.create(parse_farm(FARM), pcap=file)
-        try:
-            assert line.world.run(5.0, until=lambda: line.controllers.all_running)
-        finally:
-            await line.close()
-
-    asyncio.run(record())
+    record(FARM, file)
     return file
 
 
@@ -74,13 +64,8 @@ def answered(address, dsap, data, to=3):
 
 
 def written(tmp_path, *telegrams):
-    path = tmp_path / "line.pcapng"
-    writer = PcapngWriter(path)
-    number = writer.add_interface("", link_type=PROFIBUS_DL)
-    for place, telegram in enumerate(telegrams):
-        writer.write(number, emit_telegram(telegram), 10**18 + place * MS, "in")
-    writer.close()
-    return path
+    timed = [(emit_telegram(one), 10**18 + place * MS) for place, one in enumerate(telegrams)]
+    return write_frames(tmp_path / "line.pcapng", timed, "", PROFIBUS_DL)
 
 
 def test_slaves_of_a_capture_become_drives_that_the_same_master_connects(capsys, capture):

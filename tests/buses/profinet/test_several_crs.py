@@ -9,6 +9,7 @@ from collections import Counter
 
 import pytest
 from device_cell import CONFIGS, HEAD, Cell
+from recorded import record
 from wide_device import wide_file, wide_group
 
 from pnfarm.buses.profinet.controller import plan
@@ -271,15 +272,11 @@ def test_wireshark_finds_nothing_wrong_with_a_connection_of_several_crs(tmp_path
     config = parse_farm(text + "controller: {name: plc, ip: 10.77.0.1/24}\n", CONFIGS / "cell.pnfarm.yml")
     file, cyclic = tmp_path / "all.pcapng", tmp_path / "cyclic.pcapng"
 
-    async def record():
-        line = await VirtualLine.create(config, pcap=file, epoch_ns=0)
-        assert line.world.run(5.0, until=lambda: line.plc.all_connected)
+    def release(line):
         line.world.run(0.2)
         line.plc.release(line.world.now)
-        line.world.run(0.2)
-        await line.close()
 
-    asyncio.run(record())
+    record(config, file, release, seconds=0.2, connected=True)
     shown = ("-T", "fields", "-e", "_ws.malformed", "-e", "_ws.expert.message", "-e", "_ws.expert.severity")
     bad = tshark(file, *shown, "-Y", f"(_ws.malformed || _ws.short || _ws.expert.severity>={WARNING}) && !pn_rt.ds")
     # it has one frame id for each direction of an AR, and warns of a second one
