@@ -1,7 +1,5 @@
 """The dashboards' shares of a farm with axes, drives and devices, by the Prometheus that evaluates alert rules."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 

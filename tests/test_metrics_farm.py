@@ -1,7 +1,5 @@
 """The farm's metrics: complete from the start, true, monotonic, in the format that Prometheus reads."""
 
-from __future__ import annotations
-
 import contextlib
 import subprocess
 

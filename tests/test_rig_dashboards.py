@@ -4,8 +4,6 @@ A farm runs for two minutes of virtual time with a controller and faults; its me
 the times at which they were read, and each panel's query is put to it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import importlib

@@ -1,7 +1,5 @@
 """The rig's files say what they promise: few rights, no surprise on the network, and names that fit each other."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -1,7 +1,5 @@
 """compose.swarm.yaml and configs/kubernetes say what they promise, and their names and numbers fit each other."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """What a terminal shows while something takes long, and that a pipe shows nothing of it."""
 
-from __future__ import annotations
-
 import os
 import pty
 import subprocess

@@ -1,7 +1,5 @@
 """The audit log: what it holds, that nothing is done without it, and that it cannot be changed without a trace."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import errno

@@ -1,7 +1,5 @@
 """The page's stream, and what else a page asks for: parameters as a list, power, reactions, health."""
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Tokens with roles: what each may do, when it ends, and that no route is without a role."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """The API on a real socket: streams, shutdown, and a real Prometheus."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Saved states through the API and the hub, of farms in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 
 import httpx

@@ -1,7 +1,5 @@
 """The API by TLS, on a real socket: who is served, who is not, and what strangers at the port cost."""
 
-from __future__ import annotations
-
 import asyncio
 import errno
 import os

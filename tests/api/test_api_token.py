@@ -1,7 +1,5 @@
 """The API's token: given, kept in a file, or made; and who may read it."""
 
-from __future__ import annotations
-
 import os
 import stat
 

@@ -1,7 +1,5 @@
 """Every reading of every open point of every model does what it says, and another thing than its siblings."""
 
-from __future__ import annotations
-
 import importlib
 from dataclasses import replace
 from pathlib import Path

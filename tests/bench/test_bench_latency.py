@@ -1,7 +1,5 @@
 """Whether the benchmark `fault-latency` judges its goal by more than chance."""
 
-from __future__ import annotations
-
 import random
 
 from pnfarm.bench.latency import meets

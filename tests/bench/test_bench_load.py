@@ -1,7 +1,5 @@
 """Load of others: what all CPUs did, less what the benchmark's own processes used."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,7 +1,5 @@
 """Windows of a benchmark, the row that they make, and what a run's rows decide."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import asdict

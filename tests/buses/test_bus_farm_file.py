@@ -1,7 +1,5 @@
 """A farm file has the keys of each bus where that bus's drives are, and no bus's keys elsewhere."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Commands and options about who may reach a farm."""
 
-from __future__ import annotations
-
 import json
 import stat
 from datetime import UTC, datetime, timedelta

@@ -1,7 +1,5 @@
 """`pnfarm bench`: the names that it prints are names that it takes."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

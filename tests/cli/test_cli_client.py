@@ -1,7 +1,5 @@
 """inspect, fault and param against an API that answers what each test wants."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

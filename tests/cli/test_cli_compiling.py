@@ -1,7 +1,5 @@
 """The first start: progress of the compilation is reported, and the demo times itself from its end."""
 
-from __future__ import annotations
-
 import sys
 from functools import partial
 

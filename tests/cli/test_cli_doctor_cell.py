@@ -1,7 +1,5 @@
 """`pnfarm doctor FILE`: whether a PLC with this farm will be green, by the file alone and by the PLC's project."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import socket

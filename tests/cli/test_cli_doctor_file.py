@@ -1,7 +1,5 @@
 """``pnfarm doctor FILE``: what a farm file needs of this machine, and whether it is there."""
 
-from __future__ import annotations
-
 import json
 import socket
 from pathlib import Path

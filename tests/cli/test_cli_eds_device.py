@@ -1,7 +1,5 @@
 """Commands on a farm with a device by its EDS file, against its API in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 

@@ -1,7 +1,5 @@
 """What a start leaves behind is out of the searches for unreachable objects; what comes later is found."""
 
-from __future__ import annotations
-
 import gc
 
 import pytest

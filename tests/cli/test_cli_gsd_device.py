@@ -1,7 +1,5 @@
 """Commands on a farm with a device by its GSD file, against its API in virtual time."""
 
-from __future__ import annotations
-
 import httpx
 from api_client import Farm
 from api_world import Served

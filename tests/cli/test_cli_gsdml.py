@@ -1,7 +1,5 @@
 """``pnfarm gsdml``: the file that engineering tools import."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

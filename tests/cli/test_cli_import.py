@@ -1,7 +1,5 @@
 """``pnfarm import``: the farm file that a capture of a plant becomes."""
 
-from __future__ import annotations
-
 import random
 from dataclasses import replace
 from ipaddress import IPv4Address

@@ -1,7 +1,5 @@
 """`pnfarm import --check`: what users see of a plant beside a farm file; in memory, and at a farm that runs."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

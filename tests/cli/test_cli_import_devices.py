@@ -1,7 +1,5 @@
 """Devices that `pnfarm import` makes of captured PROFINET connections, and what they do with the same Connect."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from pathlib import Path

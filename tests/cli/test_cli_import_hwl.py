@@ -1,7 +1,5 @@
 """``pnfarm import`` and ``plc --project`` of hardware of SIMATIC AX, and what is said of projects of other tools."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

@@ -1,7 +1,5 @@
 """``pnfarm import`` of a Studio 5000 project: modules on EtherNet/IP."""
 
-from __future__ import annotations
-
 import re
 import shutil
 

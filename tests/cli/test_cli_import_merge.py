@@ -1,7 +1,5 @@
 """``pnfarm import --merge``: a project and a capture of one plant as one farm file, and where they differ."""
 
-from __future__ import annotations
-
 import asyncio
 import shutil
 from ipaddress import IPv4Address

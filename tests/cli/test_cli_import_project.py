@@ -1,7 +1,5 @@
 """``pnfarm import`` of a project's CAx data: the drives that TIA Portal was told of."""
 
-from __future__ import annotations
-
 import zipfile
 from xml.sax.saxutils import escape
 

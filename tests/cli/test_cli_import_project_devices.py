@@ -1,7 +1,5 @@
 """``pnfarm import`` of a project's CAx data: devices by their makers' GSDML files, and signals by the PLC's tags."""
 
-from __future__ import annotations
-
 import shutil
 import zipfile
 

@@ -1,7 +1,5 @@
 """``pnfarm import`` of a project's CAx data: PROFIBUS stations by their makers' GSD files."""
 
-from __future__ import annotations
-
 import shutil
 import zipfile
 

@@ -1,7 +1,5 @@
 """``pnfarm import`` of a plant's start as taps and mirror ports have it: restarts, VLANs, fragments, several files."""
 
-from __future__ import annotations
-
 import tracemalloc
 from dataclasses import replace
 from ipaddress import IPv4Address

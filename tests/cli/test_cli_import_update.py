@@ -1,7 +1,5 @@
 """``pnfarm import --update`` and ``--dry-run``: a second import into a farm file that its user has edited."""
 
-from __future__ import annotations
-
 import shutil
 import zipfile
 

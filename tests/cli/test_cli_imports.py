@@ -1,7 +1,5 @@
 """What a process has imported when it does its work: speed of the short commands, and which terms meet in it."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import json
 import signal

@@ -1,7 +1,5 @@
 """`pnfarm inspect` with devices, against an API that answers what each test wants."""
 
-from __future__ import annotations
-
 import json
 
 LISTED = {

@@ -1,7 +1,5 @@
 """``pnfarm io`` and ``pnfarm trace --list`` with the models of a plant."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 

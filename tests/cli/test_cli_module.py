@@ -1,7 +1,5 @@
 """``pnfarm module`` against an API that answers what each test wants, and against a device on a wire."""
 
-from __future__ import annotations
-
 import json
 from typing import get_args
 

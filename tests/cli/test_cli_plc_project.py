@@ -1,7 +1,5 @@
 """``pnfarm plc --project``: the built-in controller configured by an engineering project, against its imported farm."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

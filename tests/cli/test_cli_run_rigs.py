@@ -1,7 +1,5 @@
 """``pnfarm run`` on each rig: in virtual time, with a farm of its own on a link, against a running farm."""
 
-from __future__ import annotations
-
 import json
 import signal
 import time

@@ -1,7 +1,5 @@
 """Shards on the command line, and several of them on one machine."""
 
-from __future__ import annotations
-
 import json
 import signal
 import urllib.request

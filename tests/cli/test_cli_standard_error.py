@@ -1,7 +1,5 @@
 """A log that nobody reads does not stop the program: lines are lost, and that is said."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

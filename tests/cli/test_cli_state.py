@@ -1,7 +1,5 @@
 """``pnfarm state`` against the API of a farm in virtual time."""
 
-from __future__ import annotations
-
 import httpx
 from api_client import Farm
 from api_world import ApiWorld

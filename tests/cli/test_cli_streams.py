@@ -1,7 +1,5 @@
 """Standard output as programs find it: with a reader that goes, in another alphabet, closed."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

@@ -1,7 +1,5 @@
 """``pnfarm verify`` over the kernel's network: the known farm on a private veth pair, in real time."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The built-in controller with devices that it knows from a GSDML file only."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from ipaddress import IPv4Interface

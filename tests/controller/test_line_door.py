@@ -1,7 +1,5 @@
 """Where other processes ask a running controller for parameters: questions, refusals, and what is no question."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

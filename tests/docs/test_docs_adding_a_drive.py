@@ -1,7 +1,5 @@
 """``docs/adding-a-drive.md``: its four files are a drive that runs, and mistakes are reported as it says."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

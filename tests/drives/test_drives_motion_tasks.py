@@ -1,7 +1,5 @@
 """Motion tasks of an AKD by its parameters: edited, kept, saved, started."""
 
-from __future__ import annotations
-
 import pytest
 
 from pnfarm.drives.axis_handle import AxisHandle

@@ -1,7 +1,5 @@
 """The engine's loops call a drive's step by its address."""
 
-from __future__ import annotations
-
 import llvmlite.binding
 import numba
 

@@ -1,7 +1,5 @@
 """Functions that are a part of their callers, and what the compiler is spared."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

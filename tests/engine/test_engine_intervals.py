@@ -1,7 +1,5 @@
 """The controller's punctuality at each frame: jitter, missed updates, late frames and whose they are."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """When a table that sends nothing by itself is ticked."""
 
-from __future__ import annotations
-
 import pytest
 
 from pnfarm.engine.columns import allocate

@@ -1,7 +1,5 @@
 """Changed frames for the engine, as ``make fuzz ARGS="--engine"`` gives it many more of."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

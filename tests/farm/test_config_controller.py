@@ -1,7 +1,5 @@
 """The controller of a farm file."""
 
-from __future__ import annotations
-
 import pytest
 from farm_file import GOOD, parse, the_issue
 

@@ -1,7 +1,5 @@
 """The farm file: what is read, and every wrong thing alone, with its line."""
 
-from __future__ import annotations
-
 import os
 import sys
 from ipaddress import IPv4Interface

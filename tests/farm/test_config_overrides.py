@@ -1,7 +1,5 @@
 """Keys of a farm file that are set from outside: options, variables, arguments."""
 
-from __future__ import annotations
-
 import pytest
 from farm_file import GOOD, parse
 

@@ -1,7 +1,5 @@
 """The JSON Schema of the farm file says what the program reads."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

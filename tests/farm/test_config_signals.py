@@ -1,7 +1,5 @@
 """The key `signals` of a device: places with types, units and scales."""
 
-from __future__ import annotations
-
 import pytest
 from pydantic import TypeAdapter, ValidationError
 

@@ -1,7 +1,5 @@
 """Patterns that count, durations and cycles."""
 
-from __future__ import annotations
-
 from ipaddress import IPv4Interface
 
 import pytest

@@ -1,7 +1,5 @@
 """The event log: peers that try again without end, or change something in each cycle, do not fill it."""
 
-from __future__ import annotations
-
 import pytest
 
 from pnfarm.buses.profibus.device.events import (

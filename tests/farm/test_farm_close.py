@@ -1,7 +1,5 @@
 """The end of a farm: each part of it is closed, whatever another one raises."""
 
-from __future__ import annotations
-
 import pytest
 
 from pnfarm.farm.farm import Farm

@@ -1,7 +1,5 @@
 """What is shown of a drive's connection: nothing of one without supply, no time of one that exchanged nothing yet."""
 
-from __future__ import annotations
-
 from ipaddress import IPv4Address
 
 import pytest

@@ -1,7 +1,5 @@
 """Drives that are alike are worked out once."""
 
-from __future__ import annotations
-
 import asyncio
 
 import numpy as np

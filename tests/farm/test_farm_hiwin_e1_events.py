@@ -1,7 +1,5 @@
 """The HIWIN E1 in position mode when something comes between: an enable that falls, a fault, a limit (3.3.2, 6)."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest

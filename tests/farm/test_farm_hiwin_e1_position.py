@@ -1,7 +1,5 @@
 """A PLC program for the HIWIN E1 in position mode, telegrams 9 and 111, bit by bit (manual 3.3.2 to 3.16, 6)."""
 
-from __future__ import annotations
-
 import pytest
 from e1_plc import (
     BOTH_TELEGRAMS,

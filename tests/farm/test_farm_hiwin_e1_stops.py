@@ -1,7 +1,5 @@
 """Stops, faults, power, homing and jogging of the HIWIN E1 in position mode, bit by bit (manual 5.1, 6.4 to 6.8)."""
 
-from __future__ import annotations
-
 import pytest
 from e1_plc import (
     ACKNOWLEDGE,

@@ -1,7 +1,5 @@
 """Motor and load as the farm file gives them, down to the shaft, in virtual time."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

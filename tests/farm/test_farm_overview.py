@@ -1,7 +1,5 @@
 """All drives at a glance: who knows a version gets what changed since, and nothing else."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

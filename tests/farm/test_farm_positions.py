@@ -1,7 +1,5 @@
 """Position mode of every model, from the controller's program over real frames to the shaft, in virtual time."""
 
-from __future__ import annotations
-
 import pytest
 from virtual_line import VirtualLine
 

@@ -1,7 +1,5 @@
 """A farm that the machine does not run for a moment: what its controller does then is told as the farm's own doing."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

@@ -1,7 +1,5 @@
 """What cyclic data are worth before the application is ready, and device access that is left alone."""
 
-from __future__ import annotations
-
 import pytest
 from virtual_line import VirtualLine
 

@@ -1,7 +1,5 @@
 """The state of a whole farm as plain data: saved in the middle of a motion, put back, refused where it is wrong."""
 
-from __future__ import annotations
-
 import asyncio
 import copy
 import json

@@ -1,7 +1,5 @@
 """Farms that have run for weeks: clocks pass the ends of counters of 32 bits, on all buses, without a sign of it."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

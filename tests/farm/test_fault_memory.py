@@ -1,7 +1,5 @@
 """The fault history outlives the farm in the drives' non-volatile memory."""
 
-from __future__ import annotations
-
 import pytest
 from virtual_line import VirtualLine
 

@@ -5,8 +5,6 @@ project's codecs.  Captured are S7-1500, S7-1200, WinAC, PC WorX, CODESYS and Bo
 frame id.
 """
 
-from __future__ import annotations
-
 import struct
 from ipaddress import IPv4Interface
 

@@ -1,7 +1,5 @@
 """What a farm does as its lease comes and goes, with a database that only says so."""
 
-from __future__ import annotations
-
 import asyncio
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The drives' memory in a real PostgreSQL: kept, lost and found again, and held meanwhile."""
 
-from __future__ import annotations
-
 import socket
 import sys
 import threading

@@ -1,7 +1,5 @@
 """What controllers found, configured and refused: a right PLC, and wrong ones on all three buses."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from ipaddress import IPv4Address

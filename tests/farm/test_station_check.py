@@ -1,7 +1,5 @@
 """What `pnfarm import --check` finds: one farm in memory is the plant, another farm file is compared with it."""
 
-from __future__ import annotations
-
 import asyncio
 import random
 from ipaddress import IPv4Address, IPv4Interface

@@ -1,7 +1,5 @@
 """SNMP on a whole drive: over its own IP host, with its counters, and with a memory that outlasts the power."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from ipaddress import IPv4Address
 

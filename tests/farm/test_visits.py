@@ -1,7 +1,5 @@
 """What a station remembers of its controllers: bounded, and it ends with what ended it."""
 
-from __future__ import annotations
-
 from hypothesis import given
 from hypothesis import strategies as st
 

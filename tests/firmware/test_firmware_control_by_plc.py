@@ -1,7 +1,5 @@
 """STW1.10: what a controller does to edges while it does not control, and STW1.11 that stays set through a task."""
 
-from __future__ import annotations
-
 import pytest
 from bench_axis import BenchAxis
 from positioner import ACKNOWLEDGED, ACTIVE, HOME, HOMED, READY, START, STOPPED, Positioner

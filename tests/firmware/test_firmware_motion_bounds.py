@@ -1,7 +1,5 @@
 """What bounds a motion: a feed rate of 0, software limits, velocity limits."""
 
-from __future__ import annotations
-
 import pytest
 from positioner import ACTIVE, HOME, HOMED, ON_TARGET, READY, START, STOPPED, Positioner, task
 

@@ -1,7 +1,5 @@
 """Position mode: what parameters start and end, what the status shows of it, and where editions differ."""
 
-from __future__ import annotations
-
 import pytest
 from bench_axis import BenchAxis
 from positioner import (

@@ -1,7 +1,5 @@
 """Position mode on standstill and direction: ZSW1.13 and POS_ZSW2, where no profile and the shaft disagree."""
 
-from __future__ import annotations
-
 import pytest
 from positioner import HOME, HOMED, ON_TARGET, READY, START, STOPPED, Positioner
 

@@ -1,7 +1,5 @@
 """Guided fuzzing as a campaign: its state, the order of its targets, what it keeps; none of this needs atheris."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

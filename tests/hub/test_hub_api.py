@@ -1,7 +1,5 @@
 """The hub's paths over farms in memory: lists, one drive, health, events, the page's stream, traces, access."""
 
-from __future__ import annotations
-
 import itertools
 import json
 

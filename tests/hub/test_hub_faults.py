@@ -1,7 +1,5 @@
 """Faults over several shards: one id, one evidence, one moment; a hub that was restarted; shards that are away."""
 
-from __future__ import annotations
-
 import httpx
 import pytest
 from api_world import assert_problem

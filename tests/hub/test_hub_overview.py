@@ -1,7 +1,5 @@
 """All drives at a glance at the hub: what shards told stays true while other shards and drives come and go."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from types import SimpleNamespace

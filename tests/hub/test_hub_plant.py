@@ -1,7 +1,5 @@
 """The plants of farms in memory, through the hub."""
 
-from __future__ import annotations
-
 import pytest
 from api_world import assert_problem
 from hub_world import HubWorld

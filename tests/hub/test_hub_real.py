@@ -1,7 +1,5 @@
 """A hub over farms that run as programs do: on loopback, in real time, in memory; stopped, killed, restarted."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

@@ -1,7 +1,5 @@
 """Which shards there are, how they are judged, whose drives are whose; clocks; the merged log.  No I/O."""
 
-from __future__ import annotations
-
 import itertools
 import json
 

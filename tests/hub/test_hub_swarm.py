@@ -1,7 +1,5 @@
 """A whole farm in shards behind the hub, in virtual time; ``python -m tests.swarm`` does the same with a thousand."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """The hub's tasks: names that are asked anew, and the command's own checks."""
 
-from __future__ import annotations
-
 import socket
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """A shard's answers and streams that are JSON, and hold other types than a farm's: it is away, and the others go on."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 

@@ -1,7 +1,5 @@
 """Every test of this folder is an interop test: somebody else's programs, most over real frames in real namespaces."""
 
-from __future__ import annotations
-
 import os
 import sys
 from shutil import which

@@ -1,7 +1,5 @@
 """The rig of the interop tests: two joined namespaces, a farm in one, peers and captures in the other."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

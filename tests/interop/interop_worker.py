@@ -7,8 +7,6 @@ input ends it in good order.
 
 # ruff: noqa: T201 - what it prints is its answer
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

@@ -7,8 +7,6 @@ class 3 connection.  The package is also named ``ethernetip``, so it has a folde
 
 # ruff: noqa: T201 - what it prints is its answer
 
-from __future__ import annotations
-
 import asyncio
 import json
 import sys

@@ -5,8 +5,6 @@ ListIdentity by broadcast, attributes read and written one by one and many at on
 
 # ruff: noqa: T201 - what it prints is its answer
 
-from __future__ import annotations
-
 import json
 import sys
 import time

@@ -6,8 +6,6 @@
 
 # ruff: noqa: T201 - what it prints is its answer
 
-from __future__ import annotations
-
 import contextlib
 import json
 import random

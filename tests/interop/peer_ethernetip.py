@@ -6,8 +6,6 @@ one line of JSON.
 
 # ruff: noqa: T201 - what it prints is its answer
 
-from __future__ import annotations
-
 import json
 import sys
 import time

@@ -7,8 +7,6 @@ octets of each answer, ``""`` for a write, else its general status.
 
 # ruff: noqa: T201 - what it prints is its answer
 
-from __future__ import annotations
-
 import json
 import sys
 

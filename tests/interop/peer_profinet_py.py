@@ -2,8 +2,6 @@
 
 # ruff: noqa: T201 - what it prints is its answer
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import logging

@@ -5,8 +5,6 @@ Identity, attributes of three classes over UCMM and over a class 3 connection.  
 
 # ruff: noqa: T201 - what it prints is its answer
 
-from __future__ import annotations
-
 import json
 import sys
 

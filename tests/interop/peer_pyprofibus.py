@@ -5,8 +5,6 @@ peer_pyprofibus.py PATH GSD MODULE OCTETS SECONDS ADDRESS ...
 It ends when each axis has been in operation for POLLS answers, at the latest after so many seconds.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import tempfile

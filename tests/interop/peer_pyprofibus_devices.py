@@ -7,8 +7,6 @@ SLAVES is a JSON list of objects: ``address``, ``gsd``, ``modules`` (names), ``o
 slave has answered ANSWERS times and had its diagnoses, at the latest after so many seconds.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import tempfile

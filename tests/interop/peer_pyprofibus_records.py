@@ -5,8 +5,6 @@ peer_pyprofibus_records.py PATH GSD MODULE OCTETS ADDRESS
 The PDUs are written here octet by octet, after EN 50170 and the profile, with nothing of the project's.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 import sys

@@ -5,8 +5,6 @@ Answers are printed as one line of JSON, octets in hexadecimal.
 
 # ruff: noqa: T201 - what it prints is its answer
 
-from __future__ import annotations
-
 import itertools
 import json
 import socket

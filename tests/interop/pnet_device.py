@@ -3,8 +3,6 @@
 ``PNFARM_PNET`` names its program ``pn_dev``; ``PNFARM_PNET_GSDML`` its GSDML file.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

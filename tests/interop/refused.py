@@ -1,7 +1,5 @@
 """A program that tries what no farm has a use for, as an attacker in its process could."""
 
-from __future__ import annotations
-
 #: Tries what a farm has no use for, and what it needs: name -> number of the error, or 0, as JSON.
 PROBE = """
 import ctypes, json, os, platform, socket

@@ -4,8 +4,6 @@ Images are built with the machine's network (apt and pip need it).  Containers r
 in a network namespace of its own with a firewall as on any host, so that nothing of the machine's network is touched.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -2,8 +2,6 @@
 the fieldbus, at two switches, which are bridges in one more namespace.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

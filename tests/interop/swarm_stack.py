@@ -1,7 +1,5 @@
 """The stack of compose.swarm.yaml on three engines, its hub's API, and who speaks with which MAC address where."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import errno

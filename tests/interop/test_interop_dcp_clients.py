@@ -1,7 +1,5 @@
 """pnio-dcp and profi-dcp (PyPI): every verb that they have, against three drives."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import time

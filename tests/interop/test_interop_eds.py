@@ -1,7 +1,5 @@
 """A device by an EDS file on a real interface, with scanners and explicit clients from PyPI."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

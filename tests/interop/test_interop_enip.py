@@ -1,7 +1,5 @@
 """Drives on EtherNet/IP with peers from PyPI and with the kernel's own stack, 64 in one subnet, on real interfaces."""
 
-from __future__ import annotations
-
 import itertools
 import statistics
 import sys

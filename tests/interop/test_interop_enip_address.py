@@ -1,7 +1,5 @@
 """Addresses of EtherNet/IP drives on real interfaces: another host has one first, or takes one that is in use."""
 
-from __future__ import annotations
-
 import pytest
 from interop_rig import running
 

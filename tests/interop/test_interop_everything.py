@@ -3,8 +3,6 @@
 The stations stand on the memory switch: what a real link does to frames is looked at by ``test_interop_tshark``.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections import Counter
 from dataclasses import replace

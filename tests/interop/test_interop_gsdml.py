@@ -1,7 +1,5 @@
 """profinet-py (PyPI) as controller, told what a drive is by nothing but its GSDML file."""
 
-from __future__ import annotations
-
 import pytest
 
 from pnfarm.buses.profinet.model_gsdml import describe_model, file_name

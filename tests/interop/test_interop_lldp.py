@@ -1,7 +1,5 @@
 """LLDP with other people's programs: lldpd at the far end of the cable, Wireshark in between."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

@@ -1,7 +1,5 @@
 """The operating system's own tools reach a drive: it answers ARP and echo requests as any host does."""
 
-from __future__ import annotations
-
 import re
 
 from interop_rig import needed

@@ -3,8 +3,6 @@
 Collected only where ``PNFARM_PNET`` names its program ``pn_dev``; ``PNFARM_PNET_GSDML`` names its GSDML file.
 """
 
-from __future__ import annotations
-
 import json
 import time
 

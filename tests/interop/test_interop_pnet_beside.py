@@ -1,7 +1,5 @@
 """p-net's sample application and a device of the farm by the same GSDML file: the same requests, the same answers."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

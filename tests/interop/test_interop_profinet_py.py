@@ -1,7 +1,5 @@
 """profinet-py (PyPI) as controller and engineering tool: finds, names and reads drives, runs them at 2 and 8 ms."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

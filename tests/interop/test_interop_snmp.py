@@ -1,7 +1,5 @@
 """net-snmp's tools against drives: the whole tree in every way to walk it, errors, sets that outlast a power cycle."""
 
-from __future__ import annotations
-
 import itertools
 import re
 

@@ -1,7 +1,5 @@
 """All that a farm and the built-in controller say, in the eyes of Wireshark: nothing malformed, no warning."""
 
-from __future__ import annotations
-
 import itertools
 import statistics
 import sys

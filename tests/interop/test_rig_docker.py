@@ -3,8 +3,6 @@
 Takes some minutes and a gigabyte, so it runs where ``PNFARM_DOCKER=1`` asks for it.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """compose.swarm.yaml as it is on three Docker engines: 96 drives in three shards, machines lost and come back."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

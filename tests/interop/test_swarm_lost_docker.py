@@ -1,7 +1,5 @@
 """What a swarm goes on without: its database restarted and cut off, its hub killed, a node cut off from the others."""
 
-from __future__ import annotations
-
 import os
 import time
 

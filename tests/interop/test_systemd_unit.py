@@ -1,7 +1,5 @@
 """configs/systemd/pnfarm@.service under a systemd: a farm runs as it is, and what it has no use for is refused."""
 
-from __future__ import annotations
-
 import errno
 import json
 

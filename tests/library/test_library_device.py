@@ -1,7 +1,5 @@
 """Devices and their signals in Python: asynchronous, blocking, and by a farm's API."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

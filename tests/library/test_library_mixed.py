@@ -1,7 +1,5 @@
 """Drives of all makers on three buses in one farm: one controller section, one scenario, the same metrics."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``pnfarm.Farm`` in real time on a memory link, and a farm that is reached by its API."""
 
-from __future__ import annotations
-
 import asyncio
 import concurrent.futures
 import threading

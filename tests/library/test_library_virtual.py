@@ -1,7 +1,5 @@
 """``pnfarm.Farm`` in virtual time, as Python code uses it."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

@@ -1,7 +1,5 @@
 """A drive's address at an interface that is down, against a kernel that answers as Linux does; nothing is changed."""
 
-from __future__ import annotations
-
 import errno
 import os
 import struct

@@ -1,7 +1,5 @@
 """Max T_SDR: an answer that would begin too late is withheld and counted, where the line keeps that."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import threading

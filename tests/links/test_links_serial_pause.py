@@ -1,7 +1,5 @@
 """Min T_SDR: on a port with a rate no answer begins sooner behind its request than the master asked for."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 

@@ -1,7 +1,5 @@
 """The rate of a port is found by trying: garbage leads to the next one, a telegram and silence to none."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

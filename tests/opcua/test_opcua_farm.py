@@ -1,7 +1,5 @@
 """A farm in real time, in memory, as clients of OPC UA see it."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import socket

@@ -1,7 +1,5 @@
 """The section `opcua` of a farm file, and who is let in."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

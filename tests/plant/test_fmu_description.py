@@ -1,7 +1,5 @@
 """What an FMU's description says, how a farm file uses it, and how a hostile one is refused, without running it."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 import pytest

@@ -1,7 +1,5 @@
 """FMUs as models of the plant: what they get and give, and what becomes of a farm whose FMU does not behave."""
 
-from __future__ import annotations
-
 import gc
 import json
 import os

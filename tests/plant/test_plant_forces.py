@@ -1,7 +1,5 @@
 """Inputs with a wire under a force: the wire's end is torn or bridged."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

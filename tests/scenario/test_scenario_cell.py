@@ -1,7 +1,5 @@
 """The example cell: a stuck sensor shows which PLC program waits for ever."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

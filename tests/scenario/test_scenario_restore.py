@@ -1,7 +1,5 @@
 """A step that puts the whole farm into a saved state."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 

@@ -1,7 +1,5 @@
 """Steps on signals of devices."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 

@@ -1,7 +1,5 @@
 """What docs/plant.md says of faults on wires: a stuck sensor, a delayed feedback, a broken belt, a torn wire."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 

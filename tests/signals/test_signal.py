@@ -1,7 +1,5 @@
 """A named value in cyclic data: types, bits, scales, byte orders, and a user's text for it."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Signals of devices as metrics: those that the farm file asks for, and no other."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

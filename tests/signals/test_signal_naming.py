@@ -1,7 +1,5 @@
 """Names of signals after a description file's texts."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Makes the soak's modules importable, by their package's name as ``python -m tests.soak`` has it."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the soak run's verdict finds: each judgement is shown data that it must refuse, and the like that is right."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 

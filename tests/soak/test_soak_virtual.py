@@ -1,7 +1,5 @@
 """The soak in virtual time: its short form, that a seed repeats it, and that it finds what is wrong on purpose."""
 
-from __future__ import annotations
-
 import argparse
 
 import pytest

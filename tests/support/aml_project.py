@@ -1,7 +1,5 @@
 """Engineering projects in AutomationML, in the form that TIA Portal writes."""
 
-from __future__ import annotations
-
 HIWIN = "GSDML-V2.35-HIWIN-E1-20240101.XML"
 ISLAND = "GSDML-V2.35-EXAMPLE-ISLAND-20261127.XML"
 ROLES = "AutomationProjectConfigurationRoleClassLib"

@@ -1,7 +1,5 @@
 """A farm file with a drive and an island by its GSDML file, and a controller that runs both."""
 
-from __future__ import annotations
-
 from farm_file import CONFIGS
 
 GSDML = CONFIGS / "gsdml" / "GSDML-V2.35-Example-Island-20261127.xml"

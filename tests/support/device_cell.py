@@ -1,7 +1,5 @@
 """A farm with devices by the example GSDML files, with its controller, in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

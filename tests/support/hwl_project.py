@@ -1,7 +1,5 @@
 """Hardware of SIMATIC AX, in the form of its public examples."""
 
-from __future__ import annotations
-
 ISLAND = "GSDML-V2.35-EXAMPLE-ISLAND-20261127.XML"
 TEMPLATES = f"""
 Templates:

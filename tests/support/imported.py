@@ -1,7 +1,5 @@
 """The farm file of what was found, and what it has to keep."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 

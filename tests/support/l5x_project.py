@@ -1,7 +1,5 @@
 """Projects in L5X, in the form that Studio 5000 writes."""
 
-from __future__ import annotations
-
 from xml.sax.saxutils import quoteattr
 
 

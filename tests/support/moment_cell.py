@@ -1,7 +1,5 @@
 """A farm with drives, a device and a plant on each bus, whose state tests save in the middle of a motion."""
 
-from __future__ import annotations
-
 from farm_file import CONFIGS
 
 _PLANT = """

@@ -1,7 +1,5 @@
 """A cell that is served over OPC UA while it runs in real time, in a thread of its own."""
 
-from __future__ import annotations
-
 import contextlib
 from datetime import UTC, datetime, timedelta
 

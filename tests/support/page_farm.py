@@ -1,7 +1,5 @@
 """A farm in a process of its own and its page in a browser."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

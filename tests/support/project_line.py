@@ -1,7 +1,5 @@
 """The farm of an imported project and the project's own controllers, in one virtual world."""
 
-from __future__ import annotations
-
 import asyncio
 from contextlib import contextmanager
 from ipaddress import ip_interface

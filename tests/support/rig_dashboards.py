@@ -1,7 +1,5 @@
 """The checked-in dashboards and the queries in them, as Grafana would send them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

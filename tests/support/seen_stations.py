@@ -1,7 +1,5 @@
 """What a capture's decoder would have noted of connections, from a few facts."""
 
-from __future__ import annotations
-
 from ipaddress import IPv4Address
 from uuid import UUID
 

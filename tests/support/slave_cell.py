@@ -1,7 +1,5 @@
 """A farm with devices by the example GSD files on one PROFIBUS line, with its master, in virtual time."""
 
-from __future__ import annotations
-
 from device_cell import Cell
 
 from pnfarm.protocols.profibus.record_request import RecordRequest

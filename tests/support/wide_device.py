@@ -1,7 +1,5 @@
 """A device with much data: slots for modules of many octets each way, and as many CRs as a test asks for."""
 
-from __future__ import annotations
-
 from pnfarm.protocols.profinet.gsdml.document import (
     Dap,
     DataItem,

@@ -1,7 +1,5 @@
 """The tests that a tester copies (configs/pytest), as pytest runs them; the rig's with the farm file beside them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

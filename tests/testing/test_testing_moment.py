@@ -1,7 +1,5 @@
 """A line goes back to a moment: everything is as it was then, and goes on as it went on then."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st

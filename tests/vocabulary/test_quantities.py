@@ -1,7 +1,5 @@
 """Measured values for people: few digits, never so few that a comparison looks other than it is."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

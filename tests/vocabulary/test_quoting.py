@@ -1,7 +1,5 @@
 """How messages quote what a user wrote."""
 
-from __future__ import annotations
-
 import pytest
 
 from pnfarm.vocabulary.quoting import shown

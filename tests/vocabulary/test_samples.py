@@ -1,7 +1,5 @@
 """Values over time: as a text, and in files."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st

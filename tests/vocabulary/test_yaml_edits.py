@@ -1,7 +1,5 @@
 """Values of a YAML text are changed in place, and nothing else is."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 

@@ -1,7 +1,5 @@
 """YAML with its places; nothing that a file holds brings down its reader."""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import json

@@ -1,7 +1,5 @@
 """One farm and one browser for all tests of the page."""
 
-from __future__ import annotations
-
 import pytest
 from browser import Browser
 from page_farm import TOOLS, call, running

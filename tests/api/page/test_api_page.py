@@ -1,7 +1,5 @@
 """The web page in a real browser, on a farm that runs: what a person sees there is so, and what is clicked happens."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -1,7 +1,5 @@
 """The view of a device: its modules, its signals as switches, lamps and fields, forces, faults, traces."""
 
-from __future__ import annotations
-
 import pytest
 from browser import PROGRAM
 from page_farm import call, show

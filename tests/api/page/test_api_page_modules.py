@@ -1,7 +1,5 @@
 """The page's modules on a farm that the test plays: what a person is shown when answers come late, twice or never."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The view of the plant: its models with their ports live, switches and fields, plots, wires, a model that broke."""
 
-from __future__ import annotations
-
 import pytest
 from browser import PROGRAM
 from page_farm import call, show

@@ -1,7 +1,5 @@
 """Cyclic data of EtherNet/IP in a capture, in words: what changes, what is missing, layouts from everywhere."""
 
-from __future__ import annotations
-
 from ipaddress import IPv4Address, IPv4Interface
 from types import SimpleNamespace
 

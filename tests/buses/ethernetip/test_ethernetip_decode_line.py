@@ -1,7 +1,5 @@
 """A capture of a farm on EtherNet/IP and its scanner, shown with the farm's file."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Devices of a farm by the example EDS file: with the built-in scanner, and with a peer that asks for anything."""
 
-from __future__ import annotations
-
 import asyncio
 import struct
 

@@ -3,8 +3,6 @@
 ``PNFARM_EDS_FILES`` names a folder with more files, such as ``python -m tests.public_eds`` fetches.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The built-in scanner with devices that it knows from an EDS file only; the scanner's keys of the farm file."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

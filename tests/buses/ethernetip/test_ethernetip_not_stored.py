@@ -1,7 +1,5 @@
 """Attributes that cannot be stored, and a service that would have to."""
 
-from __future__ import annotations
-
 from struct import pack
 
 import pytest

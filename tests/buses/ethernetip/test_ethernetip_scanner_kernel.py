@@ -1,7 +1,5 @@
 """The built-in scanner and drives in real time, over sockets of the kernel's in a network namespace."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

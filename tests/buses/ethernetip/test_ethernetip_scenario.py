@@ -1,7 +1,5 @@
 """A scenario runs with drives on EtherNet/IP and their scanner as with any others."""
 
-from __future__ import annotations
-
 import asyncio
 
 from pnfarm.cli.commands.run import bound

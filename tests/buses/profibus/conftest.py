@@ -1,7 +1,5 @@
 """Farms of drives on PROFIBUS in memory and virtual time."""
 
-from __future__ import annotations
-
 import pytest
 
 from pnfarm.testing import Line

@@ -1,7 +1,5 @@
 """Telegrams of a line in a capture, told in the field's words by `pnfarm decode`."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Devices of a farm by their makers' GSD files, with the built-in master in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Farms on the event loop of `pnfarm up`, where polls are answered between two of its turns."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import random

@@ -1,7 +1,5 @@
 """Drives on PROFIBUS in a farm: addresses, telegrams, lamps, diagnosis, parameters, what a PLC and a user see."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Faults of drives on PROFIBUS: what the master and the drive show meanwhile, and that all is as before behind them."""
 
-from __future__ import annotations
-
 import pytest
 
 from pnfarm.buses.profibus.faults.on_bus import ON_PROFIBUS

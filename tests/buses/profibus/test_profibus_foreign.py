@@ -1,7 +1,5 @@
 """The built-in master with slaves that it knows from a GSD file only; GSD files of any maker."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

@@ -1,7 +1,5 @@
 """The GSD file of the MSD: what its model and its manual say, and nothing else."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The image of a slave between two threads: the engine steps the drive, the event loop has the line."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

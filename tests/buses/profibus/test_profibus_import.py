@@ -1,7 +1,5 @@
 """`pnfarm import` of a line's capture: slaves by address as drives of a farm file, the others in comments."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

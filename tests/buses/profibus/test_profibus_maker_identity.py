@@ -1,7 +1,5 @@
 """``gsd: FILE``: a drive under ident number and identifiers of its maker's own file."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

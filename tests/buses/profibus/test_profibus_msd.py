@@ -1,7 +1,5 @@
 """Chapters of the MSD's manual that hold on both buses, on PROFIBUS: the loss of the bus, its warnings, its lamps."""
 
-from __future__ import annotations
-
 from pnfarm.farm.views.snapshot import drive_snapshot
 
 LOST = 1 << 16 | 32

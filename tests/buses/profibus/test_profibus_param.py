@@ -1,7 +1,5 @@
 """`pnfarm param --line`: parameters of any station on a line, by a master of class 2."""
 
-from __future__ import annotations
-
 import asyncio
 import struct
 

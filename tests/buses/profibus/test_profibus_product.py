@@ -1,7 +1,5 @@
 """What the MSD's manual says of its slave, and what a drive makes of it: address, diagnosis, lamps, rates."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Devices of a farm by their makers' GSDML files, with the built-in controller in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

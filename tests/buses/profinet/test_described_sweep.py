@@ -3,8 +3,6 @@
 ``PNFARM_GSDML_FILES`` names a folder with more files, such as ``python -m tests.public_gsdml`` fetches.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``gsdml: FILE`` of a drive whose maker has telegrams as submodules of one module, and supplementary telegrams."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The data items of a GSDML file as signals."""
 
-from __future__ import annotations
-
 from gsdml_examples import ISLAND, SCANNER, example
 
 from pnfarm.buses.profinet.file_signals import file_signals

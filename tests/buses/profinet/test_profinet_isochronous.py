@@ -1,7 +1,5 @@
 """``isochronous: ignore``: a controller that asks for isochronous operation connects, and the drive runs in RT."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from ipaddress import IPv4Interface
 

@@ -1,7 +1,5 @@
 """A drive under its maker's file: the file's texts name its diagnoses, and it has the file's parameter records."""
 
-from __future__ import annotations
-
 import pytest
 from drive_object_gsdml import drive_object_gsdml
 

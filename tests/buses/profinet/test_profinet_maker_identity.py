@@ -1,7 +1,5 @@
 """``identity: {gsdml: FILE}``: a drive under the idents of its maker's own file."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

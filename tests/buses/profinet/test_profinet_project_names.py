@@ -1,7 +1,5 @@
 """Names of stations in a project, and on the network: pairs of public captures and exports."""
 
-from __future__ import annotations
-
 import pytest
 
 from pnfarm.buses.profinet.project.names import name_on_network

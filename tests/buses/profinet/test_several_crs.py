@@ -1,7 +1,5 @@
 """Devices with several CRs in each direction of a connection, with the built-in controller in virtual time."""
 
-from __future__ import annotations
-
 import asyncio
 import shutil
 import subprocess

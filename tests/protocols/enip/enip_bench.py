@@ -1,7 +1,5 @@
 """A drive's target with plain data, and a peer that speaks to it octet by octet."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from ipaddress import IPv4Address, IPv4Interface
 

@@ -1,7 +1,5 @@
 """Anything that the codecs of EtherNet/IP can build, for property tests."""
 
-from __future__ import annotations
-
 from hypothesis import strategies as st
 
 from pnfarm.protocols.enip.wire import cpf, epath

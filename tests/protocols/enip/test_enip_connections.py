@@ -1,7 +1,5 @@
 """Forward_Open and Forward_Close: what is opened, each refusal, ownership, time-outs, class 3."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from ipaddress import IPv4Address
 

@@ -1,7 +1,5 @@
 """EDS files as text: read, written, kept."""
 
-from __future__ import annotations
-
 import pytest
 from decode_reason import reason
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Sessions, commands and datagrams of one drive, as a peer sees them."""
 
-from __future__ import annotations
-
 import pytest
 from enip_bench import PEER, SECOND, Bench
 from hypothesis import given

@@ -1,7 +1,5 @@
 """The Message Router and the standard objects, asked over a session."""
 
-from __future__ import annotations
-
 import pytest
 from enip_bench import Bench
 from hypothesis import given

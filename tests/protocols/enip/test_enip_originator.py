@@ -1,7 +1,5 @@
 """An originator and a target, joined in memory."""
 
-from __future__ import annotations
-
 import pytest
 from enip_bench import PEER, SECOND, Bench, explicit_request, io_request
 from hypothesis import given

@@ -1,7 +1,5 @@
 """What an EDS file describes: the example file, and files that cannot be followed."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

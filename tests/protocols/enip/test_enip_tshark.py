@@ -1,7 +1,5 @@
 """What both ends say to each other, in the eyes of Wireshark, from a capture that was never on a wire."""
 
-from __future__ import annotations
-
 import struct
 import subprocess
 from ipaddress import IPv4Address

@@ -1,7 +1,5 @@
 """The codecs of EtherNet/IP and CIP: known octets, round trips, and any octets."""
 
-from __future__ import annotations
-
 from ipaddress import IPv4Address
 
 import enip_strategies as anything

@@ -1,7 +1,5 @@
 """What GSD files say of slaves, and slaves as they are plugged: identifiers, octets of Set_Prm, lengths."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """GSD files as makers write them: comments, continuations, ends that were forgotten."""
 
-from __future__ import annotations
-
 import pytest
 
 from pnfarm.errors import DecodeError

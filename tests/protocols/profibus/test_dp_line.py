@@ -1,7 +1,5 @@
 """A master and its slaves: start-up, loss and return, watchdogs, diagnosis, control, records."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """A master of class 2 alone on a line: it listens first, repeats, asks for records, and leaves with an Abort."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest

@@ -1,7 +1,5 @@
 """One slave, telegram by telegram: what it answers in each state, what it withholds, and what it never does."""
 
-from __future__ import annotations
-
 import pytest
 from dp_line import IDENT, MS, DpLine, Drive
 from hypothesis import settings

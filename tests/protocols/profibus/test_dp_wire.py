@@ -1,7 +1,5 @@
 """Telegrams and DP's data: what was built is read back, and any octets are read or refused."""
 
-from __future__ import annotations
-
 import random
 import time
 

@@ -1,7 +1,5 @@
 """Any block of any type, as Hypothesis draws them."""
 
-from __future__ import annotations
-
 from hypothesis import strategies as st
 
 from pnfarm.protocols.profinet.wire.block import RawBlock

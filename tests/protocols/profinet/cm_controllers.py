@@ -1,7 +1,5 @@
 """Several controllers at one device: each with its own AR, alarm channel and answers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from uuid import UUID
 

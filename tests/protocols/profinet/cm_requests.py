@@ -1,7 +1,5 @@
 """Connect requests that differ from the captured one in a single field or block, and a device for each captured one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from cm_support import DRIVE, Plan, connect_request

@@ -1,7 +1,5 @@
 """Every PROFINET model, with the limits of its manual and with others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

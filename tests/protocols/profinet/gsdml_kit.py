@@ -1,7 +1,5 @@
 """A miniature of a maker's GSDML file, written by hand, with what real ones are made of."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 MINIATURE = Path(__file__).with_name("gsdml_miniature.xml").read_text(encoding="utf-8")

@@ -1,7 +1,5 @@
 """Each PROFINET model with its GSDML file, and plans that a controller makes of the file alone."""
 
-from __future__ import annotations
-
 from cm_support import Bench
 from cmctl_pair import Pair
 from cmctl_peers import make_plan

@@ -1,7 +1,5 @@
 """Reading and writing records of a :class:`cm_support.Bench` as a controller or an engineering tool does."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from cm_support import AR_BLOCK, DRIVE, DRIVE_API, UUID_1, UUID_2

@@ -2,8 +2,6 @@
 
 # ruff: noqa: N815 - pyasn1 looks for componentType
 
-from __future__ import annotations
-
 from pyasn1.codec.ber import decoder, encoder
 from pyasn1.type import namedtype, tag, univ
 

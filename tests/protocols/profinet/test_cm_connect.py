@@ -1,7 +1,5 @@
 """Every field of every Connect block: a wrong value is refused with the standard's two codes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

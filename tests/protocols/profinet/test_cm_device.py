@@ -1,7 +1,5 @@
 """The AR machine from Connect to its end, in virtual time, against a scripted controller."""
 
-from __future__ import annotations
-
 import contextlib
 from dataclasses import replace
 from ipaddress import IPv4Address

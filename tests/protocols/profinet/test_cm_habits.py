@@ -1,7 +1,5 @@
 """What captured controllers send beside the standard's tables, and real devices take: the device takes it, too."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Reading and writing records through the AR machine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from uuid import UUID
 

@@ -1,7 +1,5 @@
 """Several CRs in each direction of one AR, at both ends of context management."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Alarms about submodules to the controllers that own them, also where the alarm channel has no room."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

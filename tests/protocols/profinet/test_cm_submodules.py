@@ -1,7 +1,5 @@
 """Submodules that come, go and change hands while connections are open: alarms, differences, data that are usable."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

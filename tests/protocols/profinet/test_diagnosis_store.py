@@ -1,7 +1,5 @@
 """The diagnosis of a device: the event of each change, and what is read."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Items of diagnosis: as captured, as a manual prints them, and as any octets."""
 
-from __future__ import annotations
-
 import contextlib
 
 import pytest

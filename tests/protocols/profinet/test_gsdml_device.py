@@ -4,8 +4,6 @@ device does is in the file.
 Each model is also taken with other limits than its manual's, so that the file is held to follow the data.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import sys

@@ -1,7 +1,5 @@
 """Diagnoses of a file: by number, by name in any language, with texts and help."""
 
-from __future__ import annotations
-
 import pytest
 from gsdml_examples import ISLAND, SCANNER, example
 from gsdml_kit import MINIATURE

@@ -1,7 +1,5 @@
 """Parameter records: defaults, values by name, and what is wrong with one that a controller wrote."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

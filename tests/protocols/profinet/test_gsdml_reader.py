@@ -1,7 +1,5 @@
 """The reader of GSDML files: what it finds, what it refuses, and that nothing else comes out of it."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 

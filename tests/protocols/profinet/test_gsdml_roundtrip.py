@@ -1,7 +1,5 @@
 """A random description, written and read back, equals itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Every model's file against PI's own schema, V2.44, as the package uphy-upgen of PyPI brings it."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from pathlib import Path

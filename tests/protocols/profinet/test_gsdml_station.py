@@ -1,7 +1,5 @@
 """From a GSDML file and a choice of modules to a station: what is plugged where, and what the file does not allow."""
 
-from __future__ import annotations
-
 import time
 from contextlib import nullcontext
 from dataclasses import replace

@@ -4,8 +4,6 @@ reader finds there.
 ``PNFARM_GSDML_FILES`` names a folder with more files, such as ``python -m tests.public_gsdml`` fetches.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The cycles that a model's GSDML file names and those that its device takes, with several limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Each version of the GSDML schema: what its files say, what they leave out, and a connection to what they describe."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

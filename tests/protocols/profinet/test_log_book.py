@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from cm_support import UUID_1, Bench
 
 from pnfarm.protocols.profinet.errors import OK, PnioStatus

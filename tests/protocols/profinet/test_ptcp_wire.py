@@ -1,7 +1,5 @@
 """PTCP frames: as captured, round and round, and as Wireshark reads them."""
 
-from __future__ import annotations
-
 import subprocess
 from shutil import which
 from uuid import UUID

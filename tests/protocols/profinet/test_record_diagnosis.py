@@ -1,7 +1,5 @@
 """Diagnosis as a controller reads it: by severity, by coding and by scope."""
 
-from __future__ import annotations
-
 import pytest
 from cm_support import DRIVE_API, Bench, telegram
 from record_support import AXIS, DIAGNOSES, FAULT, read, read_blocks

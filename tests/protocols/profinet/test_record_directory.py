@@ -1,7 +1,5 @@
 """The table of indexes: what may be read and written, by whom and when, and how the rest is refused."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

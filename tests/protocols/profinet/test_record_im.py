@@ -1,7 +1,5 @@
 """I&M: who carries it, what may be written into it, and that it stays."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

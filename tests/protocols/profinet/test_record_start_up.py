@@ -3,8 +3,6 @@
 0xE050 ARFSUDataAdjust, 0x80B0 CombinedObjectContainer, 0xB050 and 0xB060 of Siemens' device driver.
 """
 
-from __future__ import annotations
-
 import pytest
 from cm_requests import P
 from cm_support import PEER, ROOM, UUID_2, Bench, Plan

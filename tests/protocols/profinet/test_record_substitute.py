@@ -1,7 +1,5 @@
 """The value that replaces a submodule's outputs: written by its AR, shown beside the outputs, gone with the AR."""
 
-from __future__ import annotations
-
 import pytest
 from cm_support import DRIVE_API, Bench
 from record_support import DATA_PLACE, read, read_blocks, write

@@ -1,7 +1,5 @@
 """Every record of a device in the eyes of Wireshark, from a capture that was never on a wire."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The bodies of control PDUs."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 import pytest

@@ -1,7 +1,5 @@
 """The two halves of a fragmented transfer."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

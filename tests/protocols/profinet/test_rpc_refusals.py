@@ -1,7 +1,5 @@
 """What a server refuses or drops: exact kinds, codes and reasons."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from uuid import UUID
 

@@ -1,7 +1,5 @@
 """Requests and answers in fragments, as a client sees the called end."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from rpc_support import MS, about, big_answer, fragments, put, received, request, sent, server

@@ -1,7 +1,5 @@
 """The SNMP agent in memory: each request, each error with its index, both versions, answers that do not fit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

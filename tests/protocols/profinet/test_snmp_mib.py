@@ -1,7 +1,5 @@
 """What a drive shows: each object's type as its MIB has it, the rows' indexes, texts and numbers at their limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

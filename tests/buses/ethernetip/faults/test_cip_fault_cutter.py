@@ -1,7 +1,5 @@
 """A stream is cut into messages, however its octets come; and messages of the drive have a class."""
 
-from __future__ import annotations
-
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -1,7 +1,5 @@
 """Faults on the signals of devices: what the controller gets of an input that is written."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest
