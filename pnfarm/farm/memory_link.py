@@ -46,7 +46,6 @@ class MemoryDriver:
         self._step()
 
     async def wait(self) -> None:
-        """Wait until something fails; raises its exception."""
         if self._failed is None:
             raise InternalError("the driver was not started")
         await asyncio.shield(self._failed)

@@ -55,7 +55,6 @@ class PortSignals:
 
     @property
     def revision(self) -> int:
-        """Counts the changes that were seen."""
         seen = (self._changes, *(float(self._values[number]) for number in self._numbers.values()))
         if seen != self._seen:
             self._seen = seen
@@ -122,7 +121,6 @@ class PortSignals:
 
     @property
     def forced(self) -> Mapping[str, Value]:
-        """Forced inputs, and their values."""
         return self._forced
 
     @property

@@ -48,6 +48,5 @@ class Fault(BlockingFault):
         return FaultView.of(self._injection)
 
     def clear(self) -> None:
-        """End it; does nothing if it has ended."""
         if self.state != "ended":
             self._clear(self.id)

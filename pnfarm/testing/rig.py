@@ -111,7 +111,6 @@ class Rig(BlockingFace["RigDrive"]):
         return [RigDrive(self, drive) for drive in self._farm.drives]
 
     def drive(self, name: str) -> RigDrive:
-        """A drive by its name.  Raises :class:`ConfigError`."""
         return RigDrive(self, self._farm.drive(name))
 
     @property
@@ -196,7 +195,6 @@ class RigFault(BlockingFault):
         return self._rig.call(self._handle.refresh()).view
 
     def clear(self) -> None:
-        """End it; does nothing if it has ended."""
         self._rig.call(self._handle.clear())
 
     def __repr__(self) -> str:

@@ -84,7 +84,6 @@ class DriveCore(Controller):
 
     @property
     def device_data(self) -> dict[str, DeviceData]:
-        """See :class:`pnfarm.buses.controller.DeviceController`."""
         return {
             one.name: DeviceData(one.data_signals, one.data_places, *self.plain[one.name])
             for one in self.devices
@@ -107,11 +106,9 @@ class DriveCore(Controller):
     # -- the parameter channel (PKW) -----------------------------------------------------------------------------------
 
     def put_parameter_task(self, name: str, task: Pkw) -> None:
-        """See :class:`pnfarm.buses.controller.Controller`."""
         put_parameter_task(self._channel_image(name), task)
 
     def parameter_answer(self, name: str) -> Pkw:
-        """See :class:`pnfarm.buses.controller.Controller`."""
         return parameter_answer(self._channel_image(name))
 
     def _channel_image(self, name: str) -> Any:
@@ -163,7 +160,6 @@ class SessionCore(DriveCore, Generic[S]):
     # -- node ----------------------------------------------------------------------------------------------------------
 
     def service(self, now: int) -> None:
-        """See :class:`pnfarm.buses.controller.Controller`."""
         self.drain(now)
         for index in self._deadlines.take(now):
             session = self.sessions[index]

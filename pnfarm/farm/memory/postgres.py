@@ -218,7 +218,6 @@ class PostgresState:
             raise EnvironmentError_(save.refused) if save.refused else self._away()
 
     def hold(self, station: str, values: dict[str, Any]) -> None:
-        """See :meth:`pnfarm.drives.parameters.memory.NonVolatile.hold`."""
         rows = rows_of(values)
         with self.changed:
             self._held[station] = rows
@@ -226,7 +225,6 @@ class PostgresState:
             self.changed.notify_all()
 
     def damaged(self, detail: str) -> EnvironmentError_:
-        """See :meth:`pnfarm.drives.parameters.memory.NonVolatile.damaged`."""
         return EnvironmentError_(
             f"the drives' memory {self.where} is damaged: {detail}; it was left as it is - restore a copy, or delete "
             f"the rows of farm {self._farm} and the drives start as from the factory"

@@ -109,7 +109,6 @@ class RecordsMaster:
         return self._free_ns if self.connection.busy else None
 
     def handle_timeout(self, now: int) -> None:
-        """An answer that did not come; the next request."""
         if self.failure or self._free_ns is None:
             return
         pending = self._pending
@@ -135,7 +134,6 @@ class RecordsMaster:
         return REQUEST | FCB | Request.SRD_LOW
 
     def to_send(self) -> bytes | None:
-        """The request to send now, once."""
         ready, self._ready = self._ready, None
         if ready is None:
             return None
@@ -143,7 +141,6 @@ class RecordsMaster:
         return ready.octets
 
     def sent(self, now: int) -> None:
-        """What :meth:`to_send` gave leaves now."""
         pending, settings = self._pending, self.settings
         if pending is not None:
             self.counts["requests"] += 1

@@ -225,7 +225,6 @@ class SessionLife(Life[DeviceSession]):
             self._session_lost(session, f"the TCP connection to {session.plan.ip.ip} was refused", now)
 
     def timed(self, session: DeviceSession, now: int) -> None:
-        """What a session waits for is due."""
         if session.state is SessionState.STREAM:
             self._unreached(session, f"no TCP connection to {session.plan.ip.ip}", now)
         elif session.state is SessionState.CLOSE:

@@ -100,15 +100,12 @@ class DescribedKind:
         self.assemblies: Sequence[AssemblyData] = tuple(self._assemblies())
 
     def build(self) -> None:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         self.values.forget()
 
     def identity(self, serial: int) -> IdentityData:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         return self.described.identity(serial)
 
     def settings(self, key: ElectronicKey, multicast: IPv4Address) -> ConnectionSettings:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         ways = [way for one in self._offers for way in (one.consumed_rpi_us, one.produced_rpi_us)]
         named = [way[0] for way in ways if way is not None and way[0]]
         return ConnectionSettings(
@@ -185,12 +182,10 @@ class DescribedKind:
     # -- cyclic data -------------------------------------------------------------------------------------------------
 
     def consumed(self, connection: Connection) -> Carried:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         assert connection.offer is not None
         return _carried(self.described.outputs, connection.offer.consumed, connection.consumed_octets)
 
     def produced(self, connection: Connection) -> Carried:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         assert connection.offer is not None
         return _carried(self.described.inputs, connection.offer.produced, connection.produced_octets)
 

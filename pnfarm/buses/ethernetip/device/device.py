@@ -101,15 +101,12 @@ class EthernetIpDevice:
     # -- life --------------------------------------------------------------------------------------------------------
 
     def check(self, kept: Mapping[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         check_kept(kept)
 
     def commission(self, kept: Mapping[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         del kept
 
     def build(self, kept: dict[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         if self._built:
             self.dropped = self.discards()
         self._built = True
@@ -196,7 +193,6 @@ class EthernetIpDevice:
         self.address.receive(data, now)
 
     def pump(self, now: int) -> list[bytes]:
-        """See :class:`pnfarm.station.device.Device`."""
         if self._reset_ns is not None and self._reset_ns <= now:
             self._reset_ns = None
             self.station.power_cycle(now)
@@ -235,7 +231,6 @@ class EthernetIpDevice:
             self.note(now, happened.SessionEnded(*peer))
 
     def next_deadline(self) -> int | None:
-        """See :class:`pnfarm.station.device.Device`."""
         due = (
             self.address.next_deadline(),
             self.adapter.next_deadline(),
@@ -247,7 +242,6 @@ class EthernetIpDevice:
         return min((time for time in due if time is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         self.address.handle_timeout(now)
         self.adapter.handle_timeout(now)
         self.connections.handle_timeout(now)
@@ -276,7 +270,6 @@ class EthernetIpDevice:
         )
 
     def socket_event(self, event: SocketEvent, now: int) -> None:
-        """See :class:`pnfarm.station.device.SocketDevice`."""
         self._show_state()
         match event:
             case StreamOpened(stream=stream, peer=peer):
@@ -306,7 +299,6 @@ class EthernetIpDevice:
         self._settle(now)
 
     def pump_sockets(self, now: int) -> list[SocketAction]:
-        """See :class:`pnfarm.station.device.SocketDevice`."""
         del now
         actions, self._actions = self._actions, []
         return actions
@@ -318,7 +310,6 @@ class EthernetIpDevice:
     # -- events of the engine ----------------------------------------------------------------------------------------
 
     def channel_event(self, kind: int, row: int, when: int, value: int, now: int) -> bool:
-        """See :class:`pnfarm.station.device.Device`."""
         consumer = self._services.channels.columns.cpm[row]
         # the connection ended while the event waited, and another may have the row by now
         seen = consumer.expirations if kind == engine_row.EXPIRED else consumer.received
@@ -338,7 +329,6 @@ class EthernetIpDevice:
         return True
 
     def catch_up(self, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         self.connections.catch_up(now)
 
     def fault_raised(self, axis: int, number: int) -> None:
@@ -346,11 +336,9 @@ class EthernetIpDevice:
         del axis, number
 
     def faults_cleared(self, axis: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         del axis
 
     def parameter_task(self, axis: int, value: int, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         del axis
         self.kind.parameter_task(value, now)
 
@@ -386,50 +374,40 @@ class EthernetIpDevice:
 
     @property
     def connected(self) -> bool:
-        """Whether some connection exchanges cyclic data."""
         return any(channels.established for channels in self.channels.open.values())
 
     def connection(self) -> ConnectionView | None:
-        """See :class:`pnfarm.station.device.Device`."""
         return connection_of(self)
 
     def losses(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         return self.connections.lost
 
     def losses_by_farm(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         return self.connections.lost_by_farm
 
     def losses_in_words(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         return losses_in_words(self)
 
     @property
     def closed(self) -> ClosedChannels:
-        """See :class:`pnfarm.station.device.Device`."""
         return self.channels.closed
 
     @property
     def channel_rows(self) -> tuple[list[int], list[int]]:
-        """See :class:`pnfarm.station.device.Device`."""
         opened = self.channels.open.values()
         return [one.provider for one in opened if one.provider is not None], [one.consumer for one in opened]
 
     def discards(self) -> dict[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         total = dict(self.dropped)
         for reason, count in self.adapter.encapsulation.discards.items():
             total[reason] = total.get(reason, 0) + count
         return total
 
     def view(self, now: int) -> dict[str, Any]:
-        """See :class:`pnfarm.station.device.Device`."""
         del now
         return view_of(self)
 
     def details(self) -> dict[str, Any]:
-        """See :class:`pnfarm.station.device.Device`."""
         return details_of(self)
 
     # -- inside ------------------------------------------------------------------------------------------------------

@@ -70,7 +70,6 @@ class DriveKind:
         self._tasks: FrontTasks
 
     def build(self) -> None:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         store = self._axis.store
         values = CipValues(store)
         controller = PositionController(store, values)
@@ -79,7 +78,6 @@ class DriveKind:
         self.objects = (parameters, controller, Supervisor(store))
 
     def identity(self, serial: int) -> IdentityData:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         product = self.product
         return IdentityData(
             product.vendor_id,
@@ -91,7 +89,6 @@ class DriveKind:
         )
 
     def settings(self, key: ElectronicKey, multicast: IPv4Address) -> ConnectionSettings:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         strict = cast("DriveSettings", self._station.config).strict
         return connection_settings(self.product, key, multicast, strict=strict)
 
@@ -108,16 +105,13 @@ class DriveKind:
         return Carried(_words(connection.consumed_octets) if feeds else ())
 
     def produced(self, connection: Connection) -> Carried:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         return Carried(_words(connection.produced_octets))
 
     def fed(self, timeout_ns: int, cycle_ns: int) -> None:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         self._axis.store.watchdog_ns = timeout_ns
         self._axis.handle.axis.interpolation.settings.cycle_ns = cycle_ns
 
     def unfed(self) -> None:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         self._axis.store.channels_closed()
 
     def lost(self) -> None:
@@ -127,12 +121,10 @@ class DriveKind:
             self._axis.handle.push_command(CMD_RAISE_FAULT, code)
 
     def paced(self, fastest_ns: int | None) -> None:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         self._axis.handle.axis.step_ns = SLOWEST_STEP_NS if fastest_ns is None else longest_step_ns(fastest_ns)
 
     @property
     def faulty(self) -> bool:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         return int(self._axis.handle.axis.faults.code[0]) != 0
 
     # -- tasks -------------------------------------------------------------------------------------------------------
@@ -142,9 +134,7 @@ class DriveKind:
         self._tasks.take(value, now)
 
     def next_deadline(self) -> int | None:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         return self._tasks.next_deadline()
 
     def handle_timeout(self, now: int) -> None:
-        """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
         self._tasks.handle_timeout(now)

@@ -91,7 +91,6 @@ class ProfibusCore(DriveCore):
         self._go_on(now)
 
     def service(self, now: int) -> None:
-        """See :class:`pnfarm.buses.controller.Controller`."""
         self.drain(now)
         self._go_on(now)
 

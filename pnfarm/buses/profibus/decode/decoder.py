@@ -211,14 +211,12 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
             self.shared.stations.learn(_station(plan.address), name=plan.name, model=drive.model)
 
     def learn(self, station: Any, model: Model | None) -> None:
-        """See :class:`~pnfarm.captures.decoder.LineDecoder`."""
         if station.address is not None:
             slave = self._slave(station.address)
             slave.model, slave.described = model, True
             self.shared.stations.learn(_station(station.address), name=station.name, model=model)
 
     def learn_controller(self, section: Any) -> None:
-        """See :class:`~pnfarm.captures.decoder.LineDecoder`."""
         self.shared.stations.learn(_station(section.address), name=section.name)
 
     # -- telegrams ---------------------------------------------------------------------------------------------------

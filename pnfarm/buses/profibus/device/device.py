@@ -105,15 +105,12 @@ class ProfibusDevice:
     # -- life --------------------------------------------------------------------------------------------------------
 
     def check(self, kept: Mapping[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         self.kind.check(kept)
 
     def commission(self, kept: Mapping[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         self.kind.commission(kept)
 
     def build(self, kept: dict[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         if self._built:
             self.dropped = self.discards()
             self._counted_before = self.counted()
@@ -138,7 +135,6 @@ class ProfibusDevice:
             self.line.changed()
 
     def start(self, now: int) -> list[str]:
-        """See :class:`pnfarm.station.device.Device`."""
         del now
         self._show_rate()
         return []
@@ -217,7 +213,6 @@ class ProfibusDevice:
         self._answers.append(octets)
 
     def pump(self, now: int) -> list[bytes]:
-        """See :class:`pnfarm.station.device.Device`."""
         if not self._answers:
             self.follow(now)
             return []
@@ -233,7 +228,6 @@ class ProfibusDevice:
         self._settle(now)
 
     def next_deadline(self) -> int | None:
-        """See :class:`pnfarm.station.device.Device`."""
         self.catch_up_polls()
         if self._only_polled:
             self._only_polled = False
@@ -246,7 +240,6 @@ class ProfibusDevice:
         return self._due
 
     def handle_timeout(self, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         self.catch_up_polls()
         self._not_as_before()
         self._due, self._only_polled = None, False
@@ -257,7 +250,6 @@ class ProfibusDevice:
         self.kind.handle_timeout(now)
 
     def telegram_changed(self, axis: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         del axis
         self.kind.layout()
 
@@ -392,7 +384,6 @@ class ProfibusDevice:
             self.slave.diagnosis_changed()
 
     def faults_cleared(self, axis: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         del axis
         if self.kind.reports_faults:
             self.slave.diagnosis_changed()
@@ -429,7 +420,6 @@ class ProfibusDevice:
         return self.slave.exchanging
 
     def connection(self) -> ConnectionView | None:
-        """See :class:`pnfarm.station.device.Device`."""
         return connection_of(self)
 
     def counted(self) -> Counter[str]:
@@ -439,15 +429,12 @@ class ProfibusDevice:
         return now + self._counted_before
 
     def losses(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         return self.lost
 
     def losses_by_farm(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         return self.lost_by_farm
 
     def losses_in_words(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         return losses_in_words(self)
 
     @property
@@ -457,11 +444,9 @@ class ProfibusDevice:
 
     @property
     def channel_rows(self) -> tuple[list[int], list[int]]:
-        """See :class:`pnfarm.station.device.Device`."""
         return [], []
 
     def discards(self) -> dict[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         total = Counter(self.dropped)
         if self._built:
             total.update(self.slave.dropped)
@@ -472,12 +457,10 @@ class ProfibusDevice:
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
     def view(self, now: int) -> dict[str, Any]:
-        """See :class:`pnfarm.station.device.Device`."""
         del now
         return view_of(self)
 
     def details(self) -> dict[str, Any]:
-        """See :class:`pnfarm.station.device.Device`."""
         return details_of(self)
 
     def note(self, now: int, event: Event) -> None:

@@ -28,11 +28,9 @@ class TelegramSplitter:
 
     @property
     def is_whole(self) -> bool:
-        """See :class:`pnfarm.buses.bus.LineSplitter`."""
         return self._splitter.is_whole
 
     def split(self, octets: bytes, now: int) -> list[bytes]:
-        """The telegrams that are whole now."""
         if self._splitter.takes_whole(octets, now):
             return [octets]
         return [whole for _, whole in self._splitter.feed(octets, now)]

@@ -97,7 +97,6 @@ class ProfibusSegment:
         self._are_addressed = False
 
     def counts(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.buses.bus.LineSegment`."""
         found: Counter[str] = Counter(dict.fromkeys(COUNTED, 0))
         for device in self._devices.values():
             found.update(device.counted())
@@ -112,7 +111,6 @@ class ProfibusSegment:
         return found[0] if found is not None and len(found) == 1 else None
 
     def answer(self, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
-        """See :class:`pnfarm.buses.bus.LineSegment`."""
         fast_path = self._fast_path
         if fast_path is None:
             return None
@@ -140,14 +138,12 @@ class ProfibusSegment:
         self._are_addressed = True
 
     def poll(self, port: int, octets: bytes, now: int) -> bytes | None:
-        """See :class:`pnfarm.buses.bus.LineSegment`."""
         answer = self._devices[port].poll(octets, now)
         if answer is not None:
             self.heard_ns = now
         return answer
 
     def answered(self, port: int, now: int) -> None:
-        """See :class:`pnfarm.buses.bus.LineSegment`."""
         device = self._devices.get(port)
         if device is not None:
             device.follow(now)

@@ -131,7 +131,6 @@ class ProfinetCore(SessionCore[DeviceSession]):
         )
 
     def start(self, now: int) -> None:
-        """Begin to search for the drives."""
         for session in self.sessions:
             session.due_ns = now
             self.arm(session)

@@ -66,7 +66,6 @@ class DescribedKind:
         return None
 
     def describe(self, mac: bytes) -> DeviceDescription:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         described = self.described
         self.records = DescribedRecords(
             described.record, self._station.note, strict=self._strict, own=described.parameters
@@ -75,7 +74,6 @@ class DescribedKind:
 
     @property
     def diagnoses(self) -> DiagnosisCatalogue:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         return self.described.diagnoses
 
     def join(self, dcp: DcpDevice, mac: bytes, cm: CmDevice) -> None:
@@ -94,7 +92,6 @@ class DescribedKind:
         """Data of what is plugged have their place always."""
 
     def layout(self, channel: IocrLayout, ar: ArChannels, unusable: frozenset[ExpectedKey]) -> FrameLayout:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         del ar
         data = self.described.inputs if channel.is_input else self.described.outputs
         return frame_layout(channel, (), unusable, data.places, receives=not channel.is_input)
@@ -126,19 +123,16 @@ class DescribedKind:
         return None
 
     def key_of(self, slot: int, subslot: int | None = None) -> tuple[str | int, ...]:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         if not slot:
             return ("access_point",)
         return ("slots", str(slot), *(() if subslot is None else ("submodules", str(subslot))))
 
     def module_name(self, ident: int) -> str:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         gsdml = self.described.plugged.gsdml
         idents = [*((one.ident, one.id) for one in gsdml.modules), *((one.ident, one.id) for one in gsdml.daps)]
         return next((name for known, name in idents if known == ident), "")
 
     def record_complaint(self, slot: int, subslot: int, index: int) -> str:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         return self.records.complaints.get((slot, subslot, index), "")
 
     # -- events ------------------------------------------------------------------------------------------------------
@@ -162,5 +156,4 @@ class DescribedKind:
         """No parameter shows it."""
 
     def reset_application(self) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self.records.forget()

@@ -114,15 +114,12 @@ class ProfinetDevice:
     # -- life --------------------------------------------------------------------------------------------------------
 
     def check(self, kept: Mapping[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         check_kept(kept)
 
     def commission(self, kept: Mapping[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         self.kind.commission(kept, has_address=self.config.ip is not None)
 
     def build(self, kept: dict[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         if self._built:
             # the machines are recreated; their drop counters are kept
             self.dropped = self._own_discards()
@@ -240,7 +237,6 @@ class ProfinetDevice:
 
     @property
     def connects(self) -> int:
-        """Connections that reached data exchange since the farm started."""
         return self.connections.connects
 
     @property
@@ -255,7 +251,6 @@ class ProfinetDevice:
 
     @property
     def watchdog_expirations_by_farm(self) -> int:
-        """See :class:`pnfarm.station.device.Device`."""
         return self.connections.watchdog_expirations_by_farm
 
     @property
@@ -279,7 +274,6 @@ class ProfinetDevice:
         return self.addressing.own_ip
 
     def start(self, now: int) -> list[str]:
-        """See :class:`pnfarm.station.device.Device`."""
         if self._left_at is not None:
             self._missed.update(self.unheard())
             self._missed.subtract(self._left_at)
@@ -293,7 +287,6 @@ class ProfinetDevice:
         self.neighbours.lldp.shut_down(now)
 
     def stop(self, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         if self._left_at is None:
             self._left_at = dict(self.unheard())
         for key in list(self.ars):
@@ -313,7 +306,6 @@ class ProfinetDevice:
     # -- frames ------------------------------------------------------------------------------------------------------
 
     def receive(self, data: bytes, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         if data[12:14] == LLDP:
             # already handled by the segment
             return
@@ -375,7 +367,6 @@ class ProfinetDevice:
         return total
 
     def next_deadline(self) -> int | None:
-        """See :class:`pnfarm.station.device.Device`."""
         if not self._others_known:
             self._others_ns = earliest(*self._others, self.connections, self.kind.records, self.kind)
             self._others_known = True
@@ -385,7 +376,6 @@ class ProfinetDevice:
         return min(others, own)
 
     def handle_timeout(self, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         others_wait = self._others_known and (self._others_ns is None or now < self._others_ns)
         self._only_lldp = others_wait and self.neighbours.only_sends(now)
         if self._only_lldp:
@@ -399,7 +389,6 @@ class ProfinetDevice:
         self.kind.handle_timeout(now)
 
     def pump(self, now: int) -> list[bytes]:
-        """See :class:`pnfarm.station.device.Device`."""
         if self._only_lldp:
             self._only_lldp = False
             frames = self.neighbours.to_send(now)
@@ -410,14 +399,12 @@ class ProfinetDevice:
         return self._pump.pump(now)
 
     def telegram_changed(self, axis: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         del axis
         self.channels.rewrite()
 
     # -- events of the engine ----------------------------------------------------------------------------------------
 
     def channel_event(self, kind: int, row: int, when: int, value: int, now: int) -> bool:
-        """See :class:`pnfarm.station.device.Device`."""
         consumer = self._services.channels.columns.cpm[row]
         # the connection ended while the event waited, and another may have the row by now
         seen = consumer["expirations" if kind == engine_row.EXPIRED else "received"]
@@ -434,7 +421,6 @@ class ProfinetDevice:
         return True
 
     def catch_up(self, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         for row in [row for ar in self.ars.values() for row, _ in ar.consumers]:
             consumer = self._services.channels.columns.cpm[row]
             if consumer.state == W_START:
@@ -457,7 +443,6 @@ class ProfinetDevice:
             self.cm.diagnosis.add(entry)
 
     def parameter_task(self, axis: int, value: int, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`."""
         self.kind.parameter_task(axis, value, now)
 
     # -- state for observers -----------------------------------------------------------------------------------------
@@ -468,38 +453,30 @@ class ProfinetDevice:
         return any(ar.established and ar.providers for ar in self.ars.values())
 
     def connection(self) -> ConnectionView | None:
-        """See :class:`pnfarm.station.device.Device`."""
         return connection_of(self)
 
     def losses(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         return losses_of(self.connections.aborts)
 
     def losses_by_farm(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         return losses_of(self.connections.aborts_by_farm)
 
     def losses_in_words(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.station.device.Device`."""
         return losses_in_words(self)
 
     @property
     def closed(self) -> ClosedChannels:
-        """See :class:`pnfarm.station.device.Device`."""
         return self.channels.closed
 
     @property
     def channel_rows(self) -> tuple[list[int], list[int]]:
-        """See :class:`pnfarm.station.device.Device`."""
         ars = self.ars.values()
         return [row for ar in ars for row, _ in ar.providers], [row for ar in ars for row, _ in ar.consumers]
 
     def view(self, now: int) -> dict[str, Any]:
-        """See :class:`pnfarm.station.device.Device`."""
         return view_of(self, now)
 
     def details(self) -> dict[str, Any]:
-        """See :class:`pnfarm.station.device.Device`."""
         return details_of(self)
 
     # -- inside ------------------------------------------------------------------------------------------------------

@@ -94,7 +94,6 @@ class DriveKind:
             self._first.store.commission_address()
 
     def take_name(self, kept: dict[str, Any]) -> str | None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         name = self._first.store.take_name()
         if name is not None and "drive" in kept:
             number = str(self.model.access.station_name)
@@ -103,7 +102,6 @@ class DriveKind:
         return name
 
     def describe(self, mac: bytes) -> DeviceDescription:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         strict = self._settings.strict
         axes = axis_places(self.model, self._settings.axes)
         description = describe_device(self.model, mac, strict=strict, axes=axes)
@@ -136,7 +134,6 @@ class DriveKind:
         return next((record for record in found if record.index == index), None)
 
     def join(self, dcp: DcpDevice, mac: bytes, cm: CmDevice) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._cm = cm
         cm.moved = self._moved
         for part in self._parts:
@@ -150,11 +147,9 @@ class DriveKind:
             part.diagnosis.report()
 
     def next_deadline(self) -> int | None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         return earliest(*(part.parameter_words for part in self._parts))
 
     def handle_timeout(self, now: int) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         for part in self._parts:
             part.parameter_words.handle_timeout(now)
 
@@ -164,7 +159,6 @@ class DriveKind:
 
     @property
     def diagnoses(self) -> DiagnosisCatalogue | None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         return None if self._settings.maker is None else self._settings.maker.catalogue
 
     def follow_modules(self) -> None:
@@ -196,12 +190,10 @@ class DriveKind:
         return set(places or ((slot, s.subslot) for s in submodules))
 
     def feeds(self, ar: ArChannels) -> frozenset[int]:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         usable = {key[1:] for key in ar.expected if key not in ar.bad}
         return frozenset(part.axis.number for part in self._parts if usable & self._set_points(part))
 
     def layout(self, channel: IocrLayout, ar: ArChannels, unusable: frozenset[ExpectedKey]) -> FrameLayout:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         several = len(self._parts) > 1
         carriers = [
             Carrier(
@@ -215,18 +207,15 @@ class DriveKind:
         return frame_layout(channel, carriers, unusable)
 
     def opened(self, fastest_ns: int) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         for part in self._parts:
             part.axis.handle.axis.step_ns = longest_step_ns(fastest_ns)
 
     def fed(self, ar: ArChannels) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         for part in self._fed_by(ar):
             part.axis.store.watchdog_ns = ar.watchdog_ns
             part.axis.handle.axis.interpolation.settings.cycle_ns = ar.set_point_cycle_ns
 
     def closed(self, ar: ArChannels, *, any_left: bool) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         for part in self._fed_by(ar):
             part.axis.store.channels_closed()
         for part in self._parts if not any_left else self._fed_by(ar):
@@ -246,17 +235,14 @@ class DriveKind:
                 part.axis.handle.push_command(CMD_RAISE_FAULT, int(settings.loss_fault))
 
     def telegram(self) -> int:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         return self._first.store.telegram_number
 
     @property
     def telegrams(self) -> dict[int, tuple[int, dict[int, int]]]:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         known = {number: telegram.module for number, telegram in self.model.profidrive.telegrams.items()}
         return {number: (one.ident, {one.data.subslot: one.data.ident}) for number, one in known.items()}
 
     def telegram_of(self, module: ModuleDescription) -> int | None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         found = self._telegram_in(module)
         return None if found is None else found.number
 
@@ -269,7 +255,6 @@ class DriveKind:
         return ("axes", part.axis.number, "telegram") if part and len(self._parts) > 1 else ("telegram",)
 
     def module_name(self, ident: int) -> str:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         found = next((number for number, (module, _) in self.telegrams.items() if module == ident), None)
         return "" if found is None else f"telegram {found}"
 
@@ -281,12 +266,10 @@ class DriveKind:
     # -- events ------------------------------------------------------------------------------------------------------
 
     def fault_raised(self, axis: int, number: int) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._parts[axis].diagnosis.raised(number)
         self._follow_faults()
 
     def faults_cleared(self, axis: int) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._parts[axis].diagnosis.cleared()
         self._follow_faults(acknowledged=axis)
 
@@ -306,19 +289,15 @@ class DriveKind:
                 self._parts[number].axis.handle.push_command(CMD_ACKNOWLEDGE)
 
     def parameter_task(self, axis: int, value: int, now: int) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._parts[axis].parameter_words.take(value, now)
 
     def address_set(self) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._first.store.address_set()
 
     def address_forgotten(self) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._first.store.address_forgotten()
 
     def reset_application(self) -> None:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         for axis in self._station.axes:
             axis.store.restore(None)
             axis.store.power_on()

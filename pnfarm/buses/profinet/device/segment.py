@@ -111,7 +111,6 @@ class ProfinetSegment:
         return self._identify[1]
 
     def audience(self, frame: bytes, now: int, besides: Collection[int] = ()) -> list[int] | None:
-        """See :class:`pnfarm.buses.bus.Segment`."""
         found: list[int] = []
         if frame[12:16] == DCP_HELLO:
             reason = "hello"
@@ -160,7 +159,6 @@ class ProfinetSegment:
         return {reason: count - heard.get(reason, 0) for reason, count in self._passed_over.items()}
 
     def settled(self, port: int) -> None:
-        """See :class:`pnfarm.buses.bus.Segment`."""
         station, before = self._by_port[port], self._listed[port]
         dcp = station.dcp
         if (

@@ -80,7 +80,6 @@ class Records(ParameterAccess):
         self._station.rpc.late = self
 
     def stop_delay(self, rule: LateRule, now: int) -> None:
-        """Remove it; after the last rule, answers held back leave."""
         self._late = [other for other in self._late if other is not rule]
         if not self._late:
             self._station.rpc.release_answers(now)
