@@ -95,7 +95,6 @@ class FarmCore:
         log: EventLog,
         seed: bytes,
         clock: Clock,
-        tick_ns: int = 1_000_000,
         lldp: bool = True,
         shard: Shard | None = None,
         devices: Sequence[DeviceConfig] = (),
@@ -130,7 +129,6 @@ class FarmCore:
             pieces=sum(rows.pieces for rows in needed),
             traces=True,
         )
-        self.columns.engine[0].tick_ns = tick_ns
         #: What the drives' controllers did.
         self.controllers = ControllerRecords(
             log, {config.name: [axis.name for axis in config.axes] for config in drives}

@@ -7,11 +7,10 @@ link has closed.
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError, EnvironmentError_
-from pnfarm.links.base import Clock, Port, PortSpec
+from pnfarm.links.base import Port, PortSpec
 from pnfarm.links.kernel.interfaces import Interfaces
 from pnfarm.links.kernel.linux import PacketLink
 
@@ -26,8 +25,8 @@ class InterfaceLink(PacketLink):
 
     kind = "interface"
 
-    def __init__(self, interface: str, *, clock: Clock = time.monotonic_ns) -> None:
-        super().__init__(clock=clock)
+    def __init__(self, interface: str) -> None:
+        super().__init__()
         self._interface = interface
 
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:

@@ -7,7 +7,6 @@ on this host uses another macvlan on the same parent.  The parent is never chang
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 from pnfarm.links.egress import Egress, EgressChoice
@@ -18,7 +17,7 @@ from pnfarm.wire.ethernet import ETHERTYPE_LLDP
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.links.base import Clock, Port, PortSpec
+    from pnfarm.links.base import Port, PortSpec
 
 __all__ = ["MacvlanLink"]
 
@@ -30,8 +29,8 @@ class MacvlanLink(PacketLink):
 
     kind = "macvlan"
 
-    def __init__(self, farm: str, parent: str, *, send: EgressChoice = "own", clock: Clock = time.monotonic_ns) -> None:
-        super().__init__(clock=clock)
+    def __init__(self, farm: str, parent: str, *, send: EgressChoice = "own") -> None:
+        super().__init__()
         self.egress = Egress(send)
         self._farm = farm
         self._parent = parent

@@ -20,7 +20,7 @@ import time
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
-from pnfarm.links.base import MULTICAST_LLDP, Clock, LinkCounters, Port, PortSpec, Receiver
+from pnfarm.links.base import MULTICAST_LLDP, LinkCounters, Port, PortSpec, Receiver
 from pnfarm.links.kernel.interfaces import Interfaces, run_to_completion
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID
@@ -83,13 +83,10 @@ class TapLink:
 
     kind = "tap"
 
-    def __init__(
-        self, farm: str, *, bridge: str | None = None, persistent: bool = False, clock: Clock = time.monotonic_ns
-    ) -> None:
+    def __init__(self, farm: str, *, bridge: str | None = None, persistent: bool = False) -> None:
         self._farm = farm
         self._bridge = bridge
         self._persistent = persistent
-        self._clock = clock
         self._counters = LinkCounters()
         self._receiver: Receiver | None = None
         self._cyclic_receiver: Receiver | None = None
@@ -168,7 +165,7 @@ class TapLink:
 
     def _reader_of(self, index: int, fd: int) -> Callable[[], None]:
         def receive_batch() -> None:
-            now = self._clock()
+            now = time.monotonic_ns()
             for _ in range(_BATCH):
                 try:
                     frame = os.read(fd, _FRAME)

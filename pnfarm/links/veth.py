@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
@@ -12,7 +11,7 @@ from pnfarm.links.kernel.linux import PacketLink
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.links.base import Clock, Port, PortSpec
+    from pnfarm.links.base import Port, PortSpec
 
 __all__ = ["VethLink"]
 
@@ -26,10 +25,8 @@ class VethLink(PacketLink):
 
     kind = "veth"
 
-    def __init__(
-        self, farm: str, *, bridge: str | None = None, own_bridge: bool = False, clock: Clock = time.monotonic_ns
-    ) -> None:
-        super().__init__(clock=clock)
+    def __init__(self, farm: str, *, bridge: str | None = None, own_bridge: bool = False) -> None:
+        super().__init__()
         if bridge is not None and own_bridge:
             raise ConfigError(
                 "a veth link joins the bridge that is named or makes its own, not both: leave one of them out"

@@ -39,7 +39,7 @@ __all__ = ["DriveCore", "SessionCore"]
 
 
 class DriveCore(Controller):
-    """``plan`` has the name and the devices; ``tick_ns`` is the engine's.
+    """``plan`` has the name and the devices.
 
     With ``pieces`` in its frames each device has a row of plain data, by its place.
     """
@@ -47,7 +47,7 @@ class DriveCore(Controller):
     #: What the cyclic data of a drive are called where they have no parameter channel.
     without_channel = "the telegram of drive {!r} has no parameter channel (PKW)"
 
-    def __init__(self, plan: Any, host: ControllerHost, *, channels: int, tick_ns: int, pieces: int = 0) -> None:
+    def __init__(self, plan: Any, host: ControllerHost, *, channels: int, pieces: int = 0) -> None:
         self.name: str = plan.name
         self.devices: Sequence[PlannedDevice] = plan.devices
         self.link, self.port, self.log = host.link, host.port, host.log
@@ -57,7 +57,6 @@ class DriveCore(Controller):
         count = len(self.axes)
         plain = len(self.devices) if pieces else 0
         self.columns: Columns = allocate(images=count, programs=count, channels=channels, plain=plain, pieces=pieces)
-        self.columns.engine[0].tick_ns = tick_ns
         self.columns.image.lost[:] = LOST_NEVER
         #: What is sent to the devices without axes, and what comes from them, by name.
         self.plain: dict[str, tuple[ProvidedData, ConsumedData]] = {}
@@ -148,9 +147,9 @@ class SessionCore(DriveCore, Generic[S]):
 
     life: Life[S]
 
-    def __init__(self, plan: Any, host: ControllerHost, sessions: list[S], *, tick_ns: int, pieces: int = 0) -> None:
+    def __init__(self, plan: Any, host: ControllerHost, sessions: list[S], *, pieces: int = 0) -> None:
         channels = 2 * sum(session.plan.channels for session in sessions) + 8
-        super().__init__(plan, host, channels=channels, tick_ns=tick_ns, pieces=pieces)
+        super().__init__(plan, host, channels=channels, pieces=pieces)
         self.sessions = sessions
         for session, row in zip(sessions, self.first_rows, strict=True):
             session.row = row

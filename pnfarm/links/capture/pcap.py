@@ -158,7 +158,7 @@ class PcapLink(LinkWrapper):
         inner: Link,
         path: Path | None,
         *,
-        clock: Clock = time.monotonic_ns,
+        clock: Clock,
         epoch_ns: int | None = None,
         comment: str = "",
         sink: BlockSink | None = None,

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
-from pnfarm.links.base import Audience, Clock, LinkCounters, Port, PortSpec, Receiver
+from pnfarm.links.base import Audience, LinkCounters, Port, PortSpec, Receiver
 from pnfarm.links.kernel.interfaces import Interfaces, run_to_completion
 from pnfarm.links.kernel.packet import PacketSockets
 from pnfarm.links.kernel.sockets import KernelSockets
@@ -24,11 +23,11 @@ class PacketLink(ABC):
 
     kind: str
 
-    def __init__(self, *, clock: Clock = time.monotonic_ns) -> None:
+    def __init__(self) -> None:
         self._counters = LinkCounters()
-        self._sockets = PacketSockets(self._counters, clock)
+        self._sockets = PacketSockets(self._counters)
         #: Streams and datagrams of the ports whose stations have addresses of the kernel's.
-        self.sockets = KernelSockets(self._counters, clock, own=self.kind != "interface")
+        self.sockets = KernelSockets(self._counters, own=self.kind != "interface")
         self._ports: dict[int, Port] = {}
         #: Index of the interface that all ports share, None where each has a cable of its own.
         self._shared: int | None = None

@@ -32,7 +32,7 @@ import time
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
-from pnfarm.links.base import MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP, Audience, Clock, LinkCounters, Port, Receiver
+from pnfarm.links.base import MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP, Audience, LinkCounters, Port, Receiver
 from pnfarm.links.kernel import bpf
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET
 
@@ -185,12 +185,11 @@ class _BatchReader:
 class PacketSockets:
     """Receives and sends the acyclic frames of a set of ports.
 
-    ``counters`` is written here.  ``clock`` stamps each batch with the farm's time.
+    ``counters`` is written here.
     """
 
-    def __init__(self, counters: LinkCounters, clock: Clock = time.monotonic_ns) -> None:
+    def __init__(self, counters: LinkCounters) -> None:
         self._counters = counters
-        self._clock = clock
         self._names: dict[int, str] = {}
         self._receiver: Receiver | None = None
         self._sockets: list[socket.socket] = []
@@ -305,7 +304,7 @@ class PacketSockets:
         self, reader: _BatchReader, hand_over: Callable[[int, bytes | None, int], None]
     ) -> Callable[[], None]:
         def receive_batch() -> None:
-            now = self._clock()
+            now = time.monotonic_ns()
             for index, frame in reader.read():
                 hand_over(index, frame, now)
 
@@ -343,7 +342,7 @@ class PacketSockets:
     def _send_to_siblings(self, frame: bytes, sender: int) -> None:
         """The other ports of the cable hear what one of them sent to a group."""
         if self._sender is not None:
-            self._share(frame, self._clock(), sender)
+            self._share(frame, time.monotonic_ns(), sender)
 
     def _hand_over_unless(self, index: int, frame: bytes | None, now: int) -> None:
         """A frame that may be the kernel's."""

@@ -34,7 +34,7 @@ from pnfarm.wire.endpoint import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.links.base import Clock, LinkCounters, Port
+    from pnfarm.links.base import LinkCounters, Port
     from pnfarm.links.sockets import SocketUser
     from pnfarm.wire.endpoint import Peer, Services, SocketAction, SocketEvent
 
@@ -115,9 +115,8 @@ class KernelSockets:
 
     answers_arp = True
 
-    def __init__(self, counters: LinkCounters, clock: Clock = time.monotonic_ns, *, own: bool = True) -> None:
+    def __init__(self, counters: LinkCounters, *, own: bool = True) -> None:
         self._counters = counters
-        self._clock = clock
         self._own = own
         self._ports: dict[int, Port] = {}
         self._hosts: dict[int, _Host] = {}
@@ -447,7 +446,7 @@ class KernelSockets:
 
     def _tell(self, event: SocketEvent) -> None:
         if self._user is not None:
-            self._user(event, self._clock())
+            self._user(event, time.monotonic_ns())
 
     # -- groups and neighbours
 

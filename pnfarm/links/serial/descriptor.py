@@ -28,7 +28,6 @@ from pnfarm.links.serial.line import LineCounters
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pnfarm.links.base import Clock
     from pnfarm.links.serial.line import AtOnce, LineFormat, LineNews, LineReceiver
 
 __all__ = [
@@ -56,15 +55,14 @@ _PARITIES = {"none": "N", "even": "E", "odd": "O"}
 
 
 class FdLine(ABC):
-    """What all have in common: reading, writing, losing and trying again.  ``clock`` stamps what came."""
+    """What all have in common: reading, writing, losing and trying again."""
 
     kind: str
     has_rate = False
     last_pause = _LAST_PAUSE_SECONDS
 
-    def __init__(self, *, baud: int | None = None, clock: Clock = time.monotonic_ns) -> None:
+    def __init__(self, *, baud: int | None = None) -> None:
         self._baud = baud
-        self._clock = clock
         self._counters = LineCounters()
         self._receiver: LineReceiver | None = None
         self._at_once: AtOnce | None = None
@@ -204,7 +202,7 @@ class FdLine(ABC):
         except OSError:
             # it is found, and told, once more
             return False
-        if not self._at_once(self._came, length, self._clock()):
+        if not self._at_once(self._came, length, time.monotonic_ns()):
             self._kept = self._came[:length].tobytes()
             return False
         self._counters.received += length
@@ -216,7 +214,7 @@ class FdLine(ABC):
             self._kept = b""
             self._counters.received += len(kept)
             if self._receiver is not None:
-                self._receiver(kept, self._clock())
+                self._receiver(kept, time.monotonic_ns())
             if len(kept) < _READ:
                 return
         for _ in range(_READS):
@@ -234,7 +232,7 @@ class FdLine(ABC):
                 return
             self._counters.received += len(octets)
             if self._receiver is not None:
-                self._receiver(octets, self._clock())
+                self._receiver(octets, time.monotonic_ns())
             if len(octets) < _READ:
                 return
 
@@ -314,8 +312,8 @@ class PtyLine(FdLine):
     kind = "pty"
     last_pause = _LAST_PTY_PAUSE_SECONDS
 
-    def __init__(self, link: Path | None = None, *, baud: int | None = None, clock: Clock = time.monotonic_ns) -> None:
-        super().__init__(baud=baud, clock=clock)
+    def __init__(self, link: Path | None = None, *, baud: int | None = None) -> None:
+        super().__init__(baud=baud)
         self._link = link
         self._master: int | None = None
         #: Held while the link is this line's; the kernel gives it back whatever ends the process.
@@ -396,7 +394,7 @@ class PtyLine(FdLine):
         if octets:
             self._counters.received += len(octets)
             if self._receiver is not None:
-                self._receiver(octets, self._clock())
+                self._receiver(octets, time.monotonic_ns())
 
 
 def open_port(port: str, baud: int, form: LineFormat) -> Any:
@@ -471,10 +469,8 @@ class PortLine(FdLine):
 
     kind = "port"
 
-    def __init__(
-        self, port: str, baud: int, form: LineFormat, *, has_rate: bool = True, clock: Clock = time.monotonic_ns
-    ) -> None:
-        super().__init__(baud=baud, clock=clock)
+    def __init__(self, port: str, baud: int, form: LineFormat, *, has_rate: bool = True) -> None:
+        super().__init__(baud=baud)
         self.has_rate = has_rate
         self._port = port
         self._form = form

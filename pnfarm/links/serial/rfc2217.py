@@ -19,7 +19,6 @@ from pnfarm.links.serial.descriptor import MOST_WAITING, import_serial
 from pnfarm.links.serial.line import LineCounters
 
 if TYPE_CHECKING:
-    from pnfarm.links.base import Clock
     from pnfarm.links.serial.line import AtOnce, LineFormat, LineNews, LineReceiver
 
 __all__ = ["Rfc2217Line"]
@@ -36,11 +35,10 @@ class Rfc2217Line:
 
     kind = "rfc2217"
 
-    def __init__(self, host: str, port: int, baud: int, form: LineFormat, *, clock: Clock = time.monotonic_ns) -> None:
+    def __init__(self, host: str, port: int, baud: int, form: LineFormat) -> None:
         self._peer = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
         self._baud = baud
         self._form = form
-        self._clock = clock
         self._counters = LineCounters()
         self._receiver: LineReceiver | None = None
         self._news: LineNews | None = None
@@ -134,7 +132,7 @@ class Rfc2217Line:
     def _came(self, octets: bytes) -> None:
         self._counters.received += len(octets)
         if self._receiver is not None:
-            self._receiver(octets, self._clock())
+            self._receiver(octets, time.monotonic_ns())
 
     def _tell(self, up: bool, text: str, reason: str = "") -> None:
         if up:

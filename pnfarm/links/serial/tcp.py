@@ -6,14 +6,9 @@ import asyncio
 import contextlib
 import errno
 import socket
-import time
-from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.links.serial.descriptor import FdLine
-
-if TYPE_CHECKING:
-    from pnfarm.links.base import Clock
 
 __all__ = ["ConnectLine", "ListenLine"]
 
@@ -39,8 +34,8 @@ class ConnectLine(FdLine):
 
     kind = "connect"
 
-    def __init__(self, host: str, port: int, *, baud: int | None = None, clock: Clock = time.monotonic_ns) -> None:
-        super().__init__(baud=baud, clock=clock)
+    def __init__(self, host: str, port: int, *, baud: int | None = None) -> None:
+        super().__init__(baud=baud)
         self._peer = (host, port)
         self._socket: socket.socket | None = None
         self._task: asyncio.Task[None] | None = None
@@ -105,8 +100,8 @@ class ListenLine(FdLine):
 
     kind = "listen"
 
-    def __init__(self, host: str, port: int, *, baud: int | None = None, clock: Clock = time.monotonic_ns) -> None:
-        super().__init__(baud=baud, clock=clock)
+    def __init__(self, host: str, port: int, *, baud: int | None = None) -> None:
+        super().__init__(baud=baud)
         self._host = host
         #: The port that clients connect to; with 0 the kernel's choice, once the line is open.
         self.port = port

@@ -37,14 +37,14 @@ class EthernetIpCore(SessionCore[DeviceSession]):
     without_channel = "the cyclic data of drive {!r} have no parameter channel (PKW)"
     life: SessionLife
 
-    def __init__(self, plan: EthernetIpPlan, host: ControllerHost, *, tick_ns: int = 1_000_000) -> None:
+    def __init__(self, plan: EthernetIpPlan, host: ControllerHost) -> None:
         sockets = host.sockets
         if sockets is None:
             raise ConfigError(f"a {host.link.kind} link has no sockets, which EtherNet/IP needs")
         sessions = [DeviceSession(index, device) for index, device in enumerate(plan.devices)]
         plain = [session for session in sessions if session.plan.plain]
         # one that is opened again leaves the pieces of before to the engine until its next tick
-        super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=4 * len(plain))
+        super().__init__(plan, host, sessions, pieces=4 * len(plain))
         self.plain |= {
             session.plan.name: (
                 ProvidedData(self.columns.provided, session.index, session.plan.connection.output_octets, 1),

@@ -46,9 +46,9 @@ HIGHEST_INDEX = 0xFF
 class ProfibusCore(DriveCore):
     """See the module's docstring."""
 
-    def __init__(self, plan: ProfibusPlan, host: ControllerHost, *, tick_ns: int = 1_000_000) -> None:
+    def __init__(self, plan: ProfibusPlan, host: ControllerHost) -> None:
         without_axes = [device for device in plan.devices if device.described is None]
-        super().__init__(plan, host, channels=8, tick_ns=tick_ns, pieces=len(without_axes))
+        super().__init__(plan, host, channels=8, pieces=len(without_axes))
         self.plan = plan
         baud = host.port.baud or plan.settings.baud
         self.master = Master(replace(plan.settings, baud=baud), [device.slave for device in plan.devices])

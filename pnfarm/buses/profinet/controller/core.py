@@ -75,7 +75,7 @@ class ProfinetCore(SessionCore[DeviceSession]):
 
     life: SessionLife
 
-    def __init__(self, plan: ProfinetPlan, host: ControllerHost, *, tick_ns: int = 1_000_000) -> None:
+    def __init__(self, plan: ProfinetPlan, host: ControllerHost) -> None:
         layouts = [device.plain or () for device in plan.devices]
         # a change of modules leaves the pieces of before to the engine until its next tick
         pieces = 4 * sum(len(layout.places) for both in layouts for layout in both)
@@ -84,7 +84,7 @@ class ProfinetCore(SessionCore[DeviceSession]):
             DeviceSession(index, device, frame_id=frame_id)
             for (index, device), frame_id in zip(enumerate(plan.devices), frame_ids, strict=False)
         ]
-        super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=pieces)
+        super().__init__(plan, host, sessions, pieces=pieces)
         name, port, ip, count = plan.name, self.port, plan.ip, len(plan.devices)
         self.channels = SessionChannels(self.columns, port)
         self.plain |= {
