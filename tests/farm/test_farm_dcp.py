@@ -18,6 +18,7 @@ from pnfarm.protocols.profinet.dcp.client import HelloReceived
 from pnfarm.protocols.profinet.dcp.rules import RESET_CLEARS, HelloMode, Stored
 from pnfarm.protocols.profinet.wire.dcp.blocks import (
     BlockError,
+    FullIpSuiteBlock,
     IpParameterBlock,
     NameBlock,
     ResetMode,
@@ -255,11 +256,11 @@ def test_name_servers_outlive_a_restart_when_they_are_permanent():
     memory = VolatileMemory()
     line = Farm(memory=memory)
     tool, station = Tool(line), line.farm.axes[0]
-    servers = [IPv4Address("10.77.0.53"), IPv4Address("10.77.0.54")]
-    for permanent, expected in ((True, tuple(servers)), (False, ())):
-        tool.dcp.set_ip_suite(
-            station.port.mac, IPv4Interface("10.77.0.99/23"), dns=servers, permanent=permanent, now=line.world.now
-        )
+    servers = (IPv4Address("10.77.0.53"), IPv4Address("10.77.0.54"))
+    own = IPv4Interface("10.77.0.99/23")
+    for permanent, expected in ((True, servers), (False, ())):
+        suite = FullIpSuiteBlock(own.ip, own.netmask, own.ip, (*servers, NOBODY, NOBODY), permanent)
+        tool.dcp.set_blocks(station.port.mac, [suite], now=line.world.now)
         tool.send_pending(line.world.now)
         line.run(0.02)
         assert tool.found.pop().error is None

@@ -22,7 +22,7 @@ from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmT
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArProperties, ArType
 from pnfarm.protocols.profinet.wire.cm.expected import ExpectedSubmoduleBlockReq, ModuleDiffBlock
-from pnfarm.protocols.profinet.wire.dcp.blocks import AliasBlock, NameBlock, OptionId, UnknownBlock
+from pnfarm.protocols.profinet.wire.dcp.blocks import AliasBlock, FactoryResetBlock, NameBlock, OptionId, UnknownBlock
 from pnfarm.protocols.profinet.wire.records import pdev
 from pnfarm.protocols.profinet.wire.records import pdev_port as wanted
 from pnfarm.protocols.profinet.wire.records.diagnosis import Maintenance, Usi
@@ -340,7 +340,7 @@ class Scene:
             lambda: tool.dcp.reset_to_factory(mac, 1, now=self.world.now),
             lambda: tool.dcp.reset_to_factory(mac, 3, now=self.world.now),
             lambda: tool.dcp.reset_to_factory(mac, 2, now=self.world.now),
-            lambda: tool.dcp.factory_reset(mac, now=self.world.now),
+            lambda: tool.dcp.set_blocks(mac, [FactoryResetBlock()], now=self.world.now),
             lambda: tool.dcp.read(mac, now=self.world.now),
         ):
             ask()

@@ -41,7 +41,9 @@ from pnfarm.protocols.profinet.wire.dcp.blocks import (
     OptionId,
     ResetMode,
     ResponseBlock,
+    StartBlock,
     StationTypeBlock,
+    StopBlock,
 )
 from pnfarm.protocols.profinet.wire.dcp.pdu import SERVICE_IDENTIFY, TYPE_SUCCESS, DcpPdu, emit_dcp, frame_id_of
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, parse_ethernet
@@ -183,7 +185,7 @@ def test_signal_and_resets_arrive():
     client, (machine,) = DcpClient(PLC), farm(1)
     client.signal(machine.mac, now=0)
     client.reset_to_factory(machine.mac, ResetMode.APPLICATION, now=0)
-    client.factory_reset(machine.mac, now=0)
+    client.set_blocks(machine.mac, [FactoryResetBlock()], now=0)
     join(client, [machine])
     assert machine.events()[:3] == [
         SignalBegan(),
@@ -238,24 +240,9 @@ def test_everything_that_a_device_has_is_read_in_one_request():
     assert (info.standard_gateway, info.rsi_properties, info.says_hello, info.ip_conflict) == (0, None, True, True)
 
 
-def test_name_servers_go_with_the_full_suite():
-    client, (machine,) = DcpClient(PLC), farm(1)
-    server = IPv4Address("10.0.0.53")
-    client.set_ip_suite(machine.mac, IPv4Interface("10.0.0.77/24"), dns=[server], now=0)
-    join(client, [machine])
-    assert [event.error for event in client.events()] == [None]
-    assert machine.dns[0] == server
-    client.set_ip_suite(machine.mac, None, now=0)
-    join(client, [machine])
-    assert [event.error for event in client.events()] == [None]
-    assert (machine.address, int(machine.dns[0])) == (None, 0)
-    with pytest.raises(ValueError, match="5 name servers"):
-        client.set_ip_suite(machine.mac, None, dns=[server] * 5, now=0)
-
-
 def test_blocks_are_set_together_in_a_transaction():
     client, (machine,) = DcpClient(PLC), farm(1)
-    client.set_together(machine.mac, [NameBlock("spindle", 1), DeviceIdBlock(1, 2)], now=0)
+    client.set_blocks(machine.mac, [StartBlock(1), NameBlock("spindle", 1), DeviceIdBlock(1, 2), StopBlock(1)], now=0)
     join(client, [machine])
     (event,) = client.events()
     assert [result.error for result in event.results] == [0, 0, 2, 0]

@@ -25,7 +25,6 @@ from pnfarm.protocols.profinet.wire.dcp.blocks import (
     DeviceInstanceBlock,
     DeviceOptionsBlock,
     DeviceRoleBlock,
-    FactoryResetBlock,
     FullIpSuiteBlock,
     IpParameterBlock,
     MacBlock,
@@ -38,9 +37,7 @@ from pnfarm.protocols.profinet.wire.dcp.blocks import (
     RsiPropertiesBlock,
     SignalBlock,
     StandardGatewayBlock,
-    StartBlock,
     StationTypeBlock,
-    StopBlock,
 )
 from pnfarm.protocols.profinet.wire.dcp.pdu import (
     IDENTIFY_MULTICAST,
@@ -322,32 +319,6 @@ class DcpClient:
             address, mask, router = interface.ip, interface.netmask, gateway or interface.ip
         return self.set_blocks(mac, [IpParameterBlock(address, mask, router, PERMANENT * permanent)], now=now)
 
-    def set_ip_suite(
-        self,
-        mac: bytes,
-        interface: IPv4Interface | None,
-        gateway: IPv4Address | None = None,
-        dns: Iterable[IPv4Address] = (),
-        *,
-        permanent: bool = True,
-        now: int,
-    ) -> int:
-        """Like :meth:`set_ip`, with up to four name servers; :class:`ValueError` for more."""
-        address = mask = router = _NONE
-        if interface is not None:
-            address, mask, router = interface.ip, interface.netmask, gateway or interface.ip
-        servers = list(dns)
-        if len(servers) > 4:
-            raise ValueError(f"{len(servers)} name servers; there is room for four")
-        one, two, three, four = servers + [_NONE] * (4 - len(servers))
-        block = FullIpSuiteBlock(address, mask, router, (one, two, three, four), PERMANENT * permanent)
-        return self.set_blocks(mac, [block], now=now)
-
-    def set_together(self, mac: bytes, blocks: Iterable[Block], *, permanent: bool = True, now: int) -> int:
-        """Write blocks between a start and an end of transaction. Returns the Xid."""
-        qualifier = PERMANENT * permanent
-        return self.set_blocks(mac, [StartBlock(qualifier), *blocks, StopBlock(qualifier)], now=now)
-
     def signal(self, mac: bytes, *, now: int) -> int:
         """Make a device's lamp flash. Returns the Xid."""
         return self.set_blocks(mac, [SignalBlock()], now=now)
@@ -355,10 +326,6 @@ class DcpClient:
     def reset_to_factory(self, mac: bytes, mode: int = ResetMode.COMMUNICATION, *, now: int) -> int:
         """Reset what ``mode`` says. Returns the Xid."""
         return self.set_blocks(mac, [ResetToFactoryBlock(mode << 1)], now=now)
-
-    def factory_reset(self, mac: bytes, *, now: int) -> int:
-        """The old reset without modes. Returns the Xid."""
-        return self.set_blocks(mac, [FactoryResetBlock()], now=now)
 
     # -- the machine -------------------------------------------------------------------------------------------------
 

@@ -137,22 +137,10 @@ def submodule_state(
     ar_info: int = ArInfo.OWN,
     *,
     fault: bool = False,
-    maintenance_demanded: bool = False,
-    maintenance_required: bool = False,
-    qualified: bool = False,
     takeover_denied: bool = False,
 ) -> int:
     """SubmoduleState (u16) with FormatIndicator 1.  ``takeover_denied`` is AddInfo 1, for a supervisor."""
-    return (
-        0x8000
-        | (ident_info & 0xF) << 11
-        | (ar_info & 0xF) << 7
-        | fault << 6
-        | maintenance_demanded << 5
-        | maintenance_required << 4
-        | qualified << 3
-        | takeover_denied
-    )
+    return 0x8000 | (ident_info & 0xF) << 11 | (ar_info & 0xF) << 7 | fault << 6 | takeover_denied
 
 
 class DiffSubmodule(Structure):
