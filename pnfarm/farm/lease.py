@@ -34,7 +34,6 @@ __all__ = [
     "SHORTEST_TTL_NS",
     "Lease",
     "LeaseChanged",
-    "LeaseEvent",
     "LeaseState",
     "margin_ns",
     "renewal_ns",

@@ -40,7 +40,6 @@ __all__ = [
     "STATUS_BITS",
     "WORDS",
     "DriveSignal",
-    "ProfileWord",
     "find_parameter",
     "find_signal",
     "profile_words",

@@ -12,14 +12,7 @@ from pnfarm.vocabulary.quoting import shown
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = [
-    "DURATION_PATTERN",
-    "MAX_DURATION_NS",
-    "format_duration",
-    "format_measured",
-    "parse_duration",
-    "read_duration",
-]
+__all__ = ["DURATION_PATTERN", "format_duration", "format_measured", "parse_duration", "read_duration"]
 
 _UNITS_NS = {
     "ns": 1,

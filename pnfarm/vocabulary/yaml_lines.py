@@ -22,17 +22,7 @@ import yaml
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = [
-    "MAX_DEPTH",
-    "MAX_NODES",
-    "MAX_OCTETS",
-    "Document",
-    "Node",
-    "YamlError",
-    "YamlProblem",
-    "parse_yaml",
-    "resolve",
-]
+__all__ = ["MAX_DEPTH", "MAX_OCTETS", "Document", "Node", "YamlError", "parse_yaml", "resolve"]
 
 #: Longest file, octets: 4,094 drives written out one by one take about a third of it.
 MAX_OCTETS = 1 << 20

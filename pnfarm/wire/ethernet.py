@@ -18,7 +18,6 @@ __all__ = [
     "ETHERTYPE_SERVICE_VLAN",
     "ETHERTYPE_VLAN",
     "HEADER_LENGTH",
-    "MINIMUM_LENGTH",
     "EthernetFrame",
     "VlanTag",
     "emit_ethernet",

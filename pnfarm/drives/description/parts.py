@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 __all__ = [
     "COMMANDS",
     "DIAGNOSIS_CODINGS",
-    "LOCATION_SHIFT",
     "MESSAGE_CAUSES",
     "NO_IDENTITY",
     "REACTIONS",

@@ -20,16 +20,7 @@ if TYPE_CHECKING:
     from pnfarm.config.section import Section
     from pnfarm.vocabulary.issues import Location
 
-__all__ = [
-    "Choice",
-    "ControllerValues",
-    "bus_of",
-    "bus_of_controller",
-    "bus_of_devices",
-    "device_buses",
-    "device_part",
-    "titles",
-]
+__all__ = ["Choice", "bus_of", "bus_of_controller", "bus_of_devices", "device_part", "titles"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,15 +27,7 @@ if TYPE_CHECKING:
     from pnfarm.station.axis import Axis
     from pnfarm.station.device import ConnectionView
 
-__all__ = [
-    "NO_AR",
-    "connection_snapshot",
-    "discards",
-    "drive_snapshot",
-    "injected_faults",
-    "line_snapshot",
-    "named_bits",
-]
+__all__ = ["NO_AR", "connection_snapshot", "discards", "drive_snapshot", "injected_faults", "line_snapshot"]
 
 #: Keys that a bus shows of a drive (:meth:`pnfarm.station.device.Device.view`) and another may not have.
 _NOT_SHOWN: Mapping[str, Any] = {

@@ -30,15 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
     from types import TracebackType
 
-__all__ = [
-    "InterfaceFacts",
-    "Interfaces",
-    "VethPair",
-    "mac_text",
-    "remove_leftovers",
-    "remove_leftovers_now",
-    "run_to_completion",
-]
+__all__ = ["InterfaceFacts", "Interfaces", "VethPair", "remove_leftovers", "remove_leftovers_now", "run_to_completion"]
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")

@@ -43,12 +43,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ARP_INTERVAL_NS",
-    "ARP_TRIES",
     "DEFEND_INTERVAL_NS",
     "MAXIMUM_DATA",
-    "MTU",
-    "PROBE_COUNT",
-    "PROBE_INTERVAL_NS",
     "QUEUE_LIMIT",
     "AddressConflict",
     "AddressProbed",

@@ -19,7 +19,6 @@ from pnfarm.wire.rtc import REDUCTION_RATIOS, SEND_CLOCK_FACTORS, SEND_CLOCK_NS
 
 __all__ = [
     "CYCLE_UNIT_NS",
-    "MAX_CYCLE_UNITS",
     "MAX_DATA_HOLD_FACTOR",
     "MAX_WATCHDOG_NS",
     "USUAL_FACTOR",

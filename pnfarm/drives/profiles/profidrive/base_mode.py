@@ -33,7 +33,6 @@ __all__ = [
     "ParameterRequest",
     "ParameterResponse",
     "ParameterValues",
-    "RequestFault",
     "emit_request",
     "emit_response",
     "entry_octets",

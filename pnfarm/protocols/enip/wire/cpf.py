@@ -16,7 +16,6 @@ from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
     "AF_INET",
-    "ANY_ADDRESS",
     "CommonPacket",
     "ConnectedAddress",
     "ConnectedData",

@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
 
 __all__ = [
-    "QUEUE_LENGTH",
     "AlarmAcknowledged",
     "AlarmChannel",
     "AlarmCounts",

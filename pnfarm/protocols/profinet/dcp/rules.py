@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.errors import RtaError
 
 __all__ = [
-    "DELAY_STEP_NS",
     "NO_DNS",
-    "REBOOTS",
     "RESET_CLEARS",
     "RESET_MODES",
     "AbortRequired",

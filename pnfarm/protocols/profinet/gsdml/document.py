@@ -24,7 +24,6 @@ __all__ = [
     "DEFAULT_RATIOS",
     "DEFAULT_SEND_CLOCKS",
     "FIRST_SUBSLOT",
-    "MAX_CRS",
     "NO_NUMBERS",
     "PROFILE_TYPES",
     "Certification",

@@ -24,16 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.gsdml.safe_xml import Node
     from pnfarm.protocols.profinet.gsdml.versions import Attributes
 
-__all__ = [
-    "MAX_RECORD",
-    "Complaint",
-    "ParameterConst",
-    "ParameterRecord",
-    "ParameterRef",
-    "Texts",
-    "parse_record",
-    "read_ref",
-]
+__all__ = ["MAX_RECORD", "Complaint", "ParameterConst", "ParameterRecord", "ParameterRef", "parse_record", "read_ref"]
 
 _ONE_LANGUAGE = Languages()
 #: Octets of one record; the standard's own default for a device is 4068.

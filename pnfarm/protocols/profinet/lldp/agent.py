@@ -55,7 +55,6 @@ __all__ = [
     "MAXIMUM_NEIGHBOURS",
     "SEND_INTERVAL_NS",
     "TIME_TO_LIVE",
-    "LldpEvent",
     "LldpPort",
     "LocalPort",
     "LocalSystem",

@@ -32,7 +32,6 @@ __all__ = [
     "ChannelErrorType",
     "CheckFailed",
     "CheckPassed",
-    "DataTransmission",
     "Finding",
     "PortCounters",
     "PortFacts",

@@ -15,16 +15,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.rpc.fragments import FragmentSender, Peer, Reassembly
 
-__all__ = [
-    "EVENTS_OF_TYPES",
-    "TRANSITIONS",
-    "ActivityPool",
-    "Call",
-    "ClientActivity",
-    "ClientEventKind",
-    "ClientState",
-    "refusal_text",
-]
+__all__ = ["EVENTS_OF_TYPES", "TRANSITIONS", "ActivityPool", "Call", "ClientEventKind", "ClientState", "refusal_text"]
 
 
 class ClientState(Named):

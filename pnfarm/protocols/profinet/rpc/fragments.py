@@ -24,17 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from ipaddress import IPv4Address
 
-__all__ = [
-    "FRAGMENTS_MAX",
-    "STUB_MAX",
-    "Datagram",
-    "Fragment",
-    "FragmentSender",
-    "Peer",
-    "Reassembly",
-    "fack_body",
-    "is_newer",
-]
+__all__ = ["FRAGMENTS_MAX", "STUB_MAX", "Datagram", "FragmentSender", "Peer", "Reassembly", "fack_body", "is_newer"]
 
 STUB_MAX: Final = 65536 + ARGS_HEADER_LENGTH
 """Octets of a whole stub: 64 KiB of blocks and the NDR header before them."""

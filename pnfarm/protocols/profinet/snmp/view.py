@@ -17,16 +17,10 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.snmp.ber import Oid
 
 __all__ = [
-    "ADDRESS_IPV4",
     "ADMIN_DISABLED",
     "ADMIN_RX_ONLY",
     "ADMIN_TX_AND_RX",
-    "AUTONEG_10_100",
-    "CAPABILITY_STATION_ONLY",
-    "IF_SUBTYPE_IFINDEX",
-    "MAU_100BASE_TX_FULL",
     "PROFINET_OBJECT_ID",
-    "SUBTYPE_LOCAL",
     "Dot3Port",
     "InterfaceCounters",
     "InterfaceView",

@@ -28,7 +28,6 @@ __all__ = [
     "ParameterBegin",
     "Plug",
     "PlugsmEvent",
-    "PlugsmState",
 ]
 
 

@@ -18,10 +18,6 @@ from pnfarm.wire.layout import Codec, Outside, UInt16, UInt32
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "ALARM_ACK_HIGH",
-    "ALARM_ACK_LOW",
-    "ALARM_NOTIFICATION_HIGH",
-    "ALARM_NOTIFICATION_LOW",
     "SEQUENCE_MASK",
     "AlarmAck",
     "AlarmItem",

@@ -12,7 +12,6 @@ __all__ = [
     "FRAME_ID_ASSIGN",
     "FRAME_SEND_OFFSET_ANY",
     "IOCR_TAG_HEADER",
-    "MULTICAST_MAC_NONE",
     "FrameSlot",
     "IocrApi",
     "IocrBlockReq",

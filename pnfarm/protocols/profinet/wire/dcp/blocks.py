@@ -30,7 +30,6 @@ __all__ = [
     "IP_CONFLICT",
     "IP_NOT_SET",
     "IP_SET",
-    "IP_SET_BY_DHCP",
     "PERMANENT",
     "SIGNAL_FLASH_ONCE",
     "AliasBlock",

@@ -34,7 +34,6 @@ __all__ = [
     "PortId",
     "PortIdSubtype",
     "PortStatus",
-    "ProfinetSubtype",
     "PtcpStatus",
     "RawTlv",
     "SystemCapabilities",

@@ -29,7 +29,6 @@ __all__ = [
     "LinkStateLink",
     "LinkStatePort",
     "PdevBlockType",
-    "SubBlock",
     "read_sub_block",
 ]
 

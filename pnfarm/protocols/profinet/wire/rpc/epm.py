@@ -20,7 +20,6 @@ from pnfarm.wire.layout import List16, Octets16, Structure, UInt32, Uuid
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "ANNOTATION_LENGTH",
     "EPM_VERSION",
     "MAX_ENTRIES",
     "NIL_HANDLE",

@@ -17,18 +17,7 @@ from pnfarm.errors import DecodeError
 if TYPE_CHECKING:
     from pnfarm.wire.octets import Reader
 
-__all__ = [
-    "MAXIMUM_ARC",
-    "MAXIMUM_ARCS",
-    "Oid",
-    "emit_integer",
-    "emit_oid",
-    "emit_tlv",
-    "parse_integer",
-    "parse_oid",
-    "read_constructed",
-    "read_tlv",
-]
+__all__ = ["Oid", "emit_integer", "emit_oid", "emit_tlv", "parse_integer", "parse_oid", "read_constructed", "read_tlv"]
 
 #: The arcs of an object identifier.
 Oid: TypeAlias = tuple[int, ...]
