@@ -285,21 +285,13 @@ class HubRun(Flow):
     def _load(self, step: Step) -> Life:
         view = yield from self._await(HubDrives(self._hub).listed())
         powered = {drive["name"]: bool(drive["powered"]) for drive in view["drives"]}
-        chosen = self.binding.chosen(step, "on")
-        wanted = step.get("drives")
-        if wanted is None:
-            wanted = step.values["total"] - sum(powered[name] for name in chosen)
-        if not wanted:
+        names, on = self._to_switch(step, powered.__getitem__)
+        if not names:
             return
-        names = [name for name in chosen if powered[name] is not (wanted > 0)]
-        if len(names) < abs(wanted):
-            word = "off" if wanted > 0 else "on"
-            raise ConfigError(f"{abs(wanted)} drives are wanted, but only {len(names)} are {word}")
-        names = names[:wanted] if wanted > 0 else names[: wanted - 1 : -1]
         begin, over = self._now, step.get("over", 0)
         for number, name in enumerate(names):
             yield from self._sleep(max(0, begin + over * number // len(names) - self._now))
-            yield from self._await(self._power([name], on=wanted > 0))
+            yield from self._await(self._power([name], on=on))
         yield from self._sleep(max(0, begin + over - self._now))
 
     # -- steps that look

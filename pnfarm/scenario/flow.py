@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.errors import PnfarmError
+from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.scenario.definition.file import walk
 from pnfarm.scenario.find import Search, number_of
 from pnfarm.scenario.measures import measured
@@ -100,6 +100,19 @@ class Flow(ABC):
         for number, step in self.binding.scenario.expectations():
             if number not in reached:
                 self.record.add(Case(number, step, Verdict.NOT_RUN, 0, 0, message=why or "not reached"))
+
+    def _to_switch(self, step: Step, powered: Callable[[str], bool]) -> tuple[list[str], bool]:
+        """The drives that a `load` switches, in turn, and whether on.  Raises :class:`ConfigError`."""
+        chosen = self.binding.chosen(step, "on")
+        wanted = step.get("drives")
+        if wanted is None:
+            wanted = step.values["total"] - sum(map(powered, chosen))
+        on = wanted > 0
+        names = [name for name in chosen if powered(name) is not on]
+        if len(names) < abs(wanted):
+            word = "off" if on else "on"
+            raise ConfigError(f"{abs(wanted)} drives are wanted, but only {len(names)} are {word}")
+        return names[:wanted] if on else names[: wanted - 1 : -1], on
 
     # -- what a subclass does
 

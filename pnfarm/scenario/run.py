@@ -308,20 +308,13 @@ class ScenarioRun(Flow):
             self._core.settle(station, self._now)
 
     def _load(self, step: Step) -> Life:
-        wanted = step.get("drives")
-        if wanted is None:
-            wanted = step.values["total"] - sum(self._stations[n].powered for n in self.binding.chosen(step, "on"))
-        if not wanted:
+        names, on = self._to_switch(step, lambda name: self._stations[name].powered)
+        if not names:
             return
-        names = [name for name in self.binding.chosen(step, "on") if self._stations[name].powered is not (wanted > 0)]
-        if len(names) < abs(wanted):
-            word = "off" if wanted > 0 else "on"
-            raise ConfigError(f"{abs(wanted)} drives are wanted, but only {len(names)} are {word}")
-        chosen = names[:wanted] if wanted > 0 else names[: wanted - 1 : -1]
         begin, over = self._now, step.get("over", 0)
-        for number, name in enumerate(chosen):
-            yield from self._sleep(max(0, begin + over * number // len(chosen) - self._now))
-            self._power(name, on=wanted > 0)
+        for number, name in enumerate(names):
+            yield from self._sleep(max(0, begin + over * number // len(names) - self._now))
+            self._power(name, on=on)
         yield from self._sleep(max(0, begin + over - self._now))
 
     def _wait_until(self, step: Step) -> Life:
