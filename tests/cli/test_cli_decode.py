@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import signal
 import struct
 import subprocess
@@ -15,6 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recorded import record, write_frames
 from scapy.utils import RawPcapNgReader
+from wireshark import tshark
 
 from pnfarm.captures.reading import FrameReader
 from pnfarm.farm.file.reading import parse_farm
@@ -259,13 +259,7 @@ def test_a_capture_of_a_farm_at_work(background, process, file, tmp_path, networ
         cyclic = [meta.direction for data, meta in reader if is_cyclic(data)]
     assert abs(cyclic.count(1) - cyclic.count(2)) < 20
     assert cyclic.count(1) > 10
-    if shutil.which("tshark") is None:
-        pytest.skip("needs the tool `tshark`")
-    shown = subprocess.run(
-        ["tshark", "-n", "-r", str(out), "-Y", "_ws.malformed || !(pn_dcp || pn_rt || arp || dcerpc || icmp || lldp)"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert shown.stdout == ""
+    assert tshark(out, "-Y", "_ws.malformed || !(pn_dcp || pn_rt || arp || dcerpc || icmp || lldp)") == ""
     facts = subprocess.run(["capinfos", str(out)], capture_output=True, text=True, check=True).stdout
     assert "Name = axis-02" in facts
     assert "Number of interfaces in file: 1" in facts

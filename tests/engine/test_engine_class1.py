@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 import struct
-import subprocess
 from ipaddress import IPv4Address
 
 import numpy as np
 import pytest
+from wireshark import tshark_fields
 
 from pnfarm.engine.channels import class1
 from pnfarm.engine.channels.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
@@ -193,8 +192,6 @@ def test_a_packet_is_an_ipv4_datagram_of_two_items_with_checksums_that_hold():
 
 
 def test_tshark_reads_every_packet_of_both_sides_without_a_complaint(tmp_path):
-    if shutil.which("tshark") is None:
-        pytest.skip("needs tshark")
     line = Line()
     frames = []
     for _ in range(5):
@@ -204,13 +201,9 @@ def test_tshark_reads_every_packet_of_both_sides_without_a_complaint(tmp_path):
     octets += b"".join(struct.pack("<IIII", 1, n, len(f), len(f)) + f for n, f in enumerate(frames))
     (tmp_path / "class1.pcap").write_bytes(octets)
     fields = ("enip.cpf.sai.connid", "enip.cpf.sai.seq", "cip.seq", "_ws.expert", "udp.checksum.status")
-    read = subprocess.run(
-        ["tshark", "-r", tmp_path / "class1.pcap", "-o", "udp.check_checksum:TRUE", "-o", "ip.check_checksum:TRUE",
-         "-T", "fields", *(part for name in fields for part in ("-e", name)), "-e", "frame.protocols"],
-        capture_output=True, text=True, check=True,
-    ).stdout.splitlines()  # fmt: skip
-    assert len(read) == 10
-    rows = [row.split("\t") for row in read]
+    checked = ("-o", "udp.check_checksum:TRUE", "-o", "ip.check_checksum:TRUE")
+    rows = tshark_fields(tmp_path / "class1.pcap", *fields, "frame.protocols", options=checked)
+    assert len(rows) == 10
     assert {int(row[0], 16) for row in rows} == {O_TO_T, T_TO_O}
     assert [int(row[1]) for row in rows] == [n for n in range(1, 6) for _ in range(2)]
     assert {row[3] for row in rows} == {""}

@@ -12,7 +12,9 @@ import time
 from pathlib import Path
 
 import pytest
+import wireshark
 from forks import Fork, run_fork
+from wireshark import tshark
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -20,7 +22,6 @@ CAPTURES = ROOT.parent / "shared" / "captures"
 START_SECONDS = 60.0
 #: The programs of this folder import the project from where it stands.
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
-NOT_HERE = "Running as user"
 
 
 class CannotRunError(Exception):
@@ -225,25 +226,17 @@ STRICT = ("-o", "ip.check_checksum:TRUE", "-o", "udp.check_checksum:TRUE")
 
 
 def tshark_fields(path, *names, where="", options=()):
-    command = ["tshark", "-n", "-r", str(path), *STRICT, *options, "-T", "fields", "-E", "separator=/t"]
-    command += [part for name in names for part in ("-e", name)]
-    command += ["-Y", where] if where else []
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
-    errors = [line for line in done.stderr.splitlines() if not line.startswith(NOT_HERE)]
-    assert done.returncode == 0, "\n".join(errors)
-    return [line.split("\t") for line in done.stdout.splitlines()]
+    return wireshark.tshark_fields(path, *names, where=where, options=(*STRICT, *options))
 
 
 def tshark_tree(path, number):
     """One frame in full, for a failing test's message."""
-    command = ["tshark", "-n", "-r", str(path), *STRICT, "-V", "-x", "-Y", f"frame.number=={number}"]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60).stdout
+    return tshark(path, *STRICT, "-V", "-x", "-Y", f"frame.number=={number}")
 
 
 def tshark_words(path, where):
     """The whole trees of some frames, as one text."""
-    command = ["tshark", "-n", "-r", str(path), *STRICT, "-V", "-Y", where]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60).stdout
+    return tshark(path, *STRICT, "-V", "-Y", where)
 
 
 def captured_datagrams(name):

@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import re
-import shutil
-import subprocess
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ import pytest
 from browser import PROGRAM, Browser
 from junitparser import JUnitXml
 from virtual_line import VirtualLine
+from wireshark import tshark_fields
 
 from pnfarm.cli.commands.run import bound
 from pnfarm.cli.main import main
@@ -235,7 +234,6 @@ def test_a_run_whose_farm_was_lost_is_an_error_in_junit_too(record: dict[str, An
     assert list(suite)[-1].result[0].message == "the farm ended: no room"
 
 
-@pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed (apt-get install tshark)")
 def test_the_capture_has_the_frames_of_the_failed_drives_around_the_failures(tmp_path: Path) -> None:
     file = tmp_path / "report.scenario.yml"
     file.write_text(f'scenario: report\nfarm: {LINE}\nwith: {{"drives[0].count": 3}}\nsteps:{STEPS}')
@@ -243,11 +241,7 @@ def test_the_capture_has_the_frames_of_the_failed_drives_around_the_failures(tmp
     assert main(["run", str(file), "--virtual", "--pcap", str(pcap), "--json", str(as_json)]) == 1
     record = json.loads(as_json.read_text())
     fields = ["frame.time_epoch", "frame.interface_name", "_ws.malformed", "frame.comment"]
-    told = subprocess.run(
-        ["tshark", "-r", pcap, "-T", "fields", *(part for name in fields for part in ("-e", name))],
-        check=True, capture_output=True, text=True,
-    )  # fmt: skip
-    frames = [line.split("\t") for line in told.stdout.splitlines()]
+    frames = tshark_fields(pcap, *fields)
     assert len(frames) == record["pcap_packets"] > 100
     # axis-01 did what was expected, of axis-03 nothing was
     assert {name for _, name, *_ in frames} == {"axis-02"}

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 import struct
-import subprocess
 
 import pytest
 from cip_tape import IDS, MANAGER, Tape, command, connect, forward_open, known
 from recorded import write_frames
+from wireshark import tshark_fields
 
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire import forward_open as fo
@@ -67,20 +66,12 @@ def recorded() -> Tape:
 @pytest.fixture(scope="module")
 def both(tmp_path_factory):
     """Our lines, and a function that gives Wireshark's fields by frame."""
-    if shutil.which("tshark") is None:
-        pytest.skip("needs the tool `tshark`")
     tape = recorded()
     path = tmp_path_factory.mktemp("decode") / "enip.pcapng"
     write_frames(path, zip(tape.frames, tape.times, strict=True))
 
     def fields(*names: str, where: str) -> dict[int, tuple[list[int | str], ...]]:
-        wanted = [word for name in ("frame.number", *names) for word in ("-e", name)]
-        done = subprocess.run(
-            ["tshark", "-n", "-r", str(path), "-Y", where, "-T", "fields", "-E", "aggregator=,", *wanted],
-            capture_output=True, text=True, check=False, timeout=120,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        rows = [line.split("\t") for line in done.stdout.splitlines()]
+        rows = tshark_fields(path, "frame.number", *names, where=where, options=("-E", "aggregator=,"))
         return {int(row[0]): tuple(_numbers(cell) for cell in row[1:]) for row in rows}
 
     return tape.decoded()[1], fields

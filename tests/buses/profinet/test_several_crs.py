@@ -1,14 +1,13 @@
 """Devices with several CRs in each direction of a connection, with the built-in controller in virtual time."""
 
 import asyncio
-import shutil
-import subprocess
 from collections import Counter
 
 import pytest
 from device_cell import CONFIGS, HEAD, Cell
 from recorded import record
 from wide_device import wide_file, wide_group
+from wireshark import tshark, tshark_fields
 
 from pnfarm.buses.profinet.controller import plan
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
@@ -255,16 +254,7 @@ def test_a_shared_device_has_rows_for_the_crs_of_each_controller(tmp_path):
     cell.connect()
 
 
-def tshark(path, *arguments):
-    done = subprocess.run(
-        ["tshark", "-n", "-r", path, *arguments], capture_output=True, text=True, check=False, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
-    return [line.split("\t") for line in done.stdout.splitlines()]
-
-
 @pytest.mark.interop
-@pytest.mark.skipif(shutil.which("tshark") is None, reason="needs the tool `tshark`")
 def test_wireshark_finds_nothing_wrong_with_a_connection_of_several_crs(tmp_path):
     text = HEAD + wide_group(wide_file(tmp_path), FAST_AND_SLOW, ", cycle: 8ms" + CYCLES)
     config = parse_farm(text + "controller: {name: plc, ip: 10.77.0.1/24}\n", CONFIGS / "cell.pnfarm.yml")
@@ -275,14 +265,15 @@ def test_wireshark_finds_nothing_wrong_with_a_connection_of_several_crs(tmp_path
         line.plc.release(line.world.now)
 
     record(config, file, release, seconds=0.2, connected=True)
-    shown = ("-T", "fields", "-e", "_ws.malformed", "-e", "_ws.expert.message", "-e", "_ws.expert.severity")
-    bad = tshark(file, *shown, "-Y", f"(_ws.malformed || _ws.short || _ws.expert.severity>={WARNING}) && !pn_rt.ds")
+    shown = ("_ws.malformed", "_ws.expert.message", "_ws.expert.severity")
+    wrong = f"_ws.malformed || _ws.short || _ws.expert.severity>={WARNING}"
+    bad = tshark_fields(file, *shown, where=f"({wrong}) && !pn_rt.ds")
     # it has one frame id for each direction of an AR, and warns of a second one
     assert not [row for row in bad if row[0] or not all("frameID changed" in one for one in row[1].split(","))], bad
     # and it looks for the data of all CRs in each frame, so that frames are read without their Connect
     tshark(file, "-Y", "pn_rt.ds", "-w", cyclic)
-    assert not tshark(cyclic, *shown, "-Y", f"_ws.malformed || _ws.short || _ws.expert.severity>={WARNING}")
-    fields = ("-T", "fields", "-e", "pn_rt.frame_id", "-e", "pn_rt.ds")
-    frames = Counter(tuple(int(value, 0) for value in row) for row in tshark(cyclic, *fields))
+    assert not tshark_fields(cyclic, *shown, where=wrong)
+    rows = tshark_fields(cyclic, "pn_rt.frame_id", "pn_rt.ds")
+    frames = Counter(tuple(int(value, 0) for value in row) for row in rows)
     assert {frame_id for frame_id, _ in frames} == {0x8000, 0x8001, 0x8002, 0x8003}
     assert {status for _, status in frames} == {0x35}

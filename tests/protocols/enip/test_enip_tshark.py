@@ -1,11 +1,11 @@
 """What both ends say to each other, in the eyes of Wireshark, from a capture that was never on a wire."""
 
 import struct
-import subprocess
 from ipaddress import IPv4Address
 
 import pytest
 from enip_bench import DRIVE, PEER, Bench, explicit_request, io_request
+from wireshark import tshark
 
 from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.enip.encapsulation import SendDatagram, SendStream
@@ -70,14 +70,6 @@ class Tape:
 
     def close(self):
         self._writer.close()
-
-
-def tshark(path, *arguments):
-    done = subprocess.run(
-        ["tshark", "-n", "-r", str(path), *arguments], capture_output=True, text=True, check=False, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,10 @@
-import shutil
-import subprocess
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scapy.layers.inet import IP, UDP
 from scapy.layers.l2 import Ether
 from scapy.utils import wrpcap
+from wireshark import tshark_fields
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.block import RawBlock
@@ -78,7 +76,6 @@ def test_a_broken_record_is_refused_with_the_reason(octets, reason):
     assert caught.value.reason == reason
 
 
-@pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
 def test_wireshark_reads_the_record_as_we_mean_it(tmp_path):
     data = RECORD.emit()
     header = IodWriteReqHeader(1, NIL_UUID, 0, 0, 0x8000, FSU_DATA_ADJUST_INDEX)
@@ -87,12 +84,9 @@ def test_wireshark_reads_the_record_as_we_mean_it(tmp_path):
         PacketType.REQUEST, UUID_PNIO_DEVICE, object_uuid(4, 5, 6), object_uuid(1, 2, 3), opnum=Opnum.WRITE, body=args
     )
     wrpcap(str(tmp_path / "one.pcap"), Ether() / IP(dst="10.0.0.1") / UDP(sport=49152, dport=34964) / emit_rpc(pdu))
-    fields = ("mode", "interval", "retry", "delay")
+    hello = [f"pn_io.fs_hello_{name}" for name in ("mode", "interval", "retry", "delay")]
     # a lone datagram of type 4 could be WireGuard's as well
-    command = ["tshark", "-n", "-r", str(tmp_path / "one.pcap"), "--disable-protocol", "wg", "-T", "fields"]
-    for name in fields:
-        command += ["-e", f"pn_io.fs_hello_{name}"]
-    command += ["-e", "_ws.malformed", "-e", "_ws.expert.message"]
-    rows = subprocess.run(command, check=True, capture_output=True, text=True).stdout.rstrip("\n").split("\t")
-    assert [int(value, 0) for value in rows[:4]] == [2, 300, 5, 500]
-    assert rows[4:] == ["", ""]
+    alone = ("--disable-protocol", "wg")
+    (row,) = tshark_fields(tmp_path / "one.pcap", *hello, "_ws.malformed", "_ws.expert.message", options=alone)
+    assert [int(value, 0) for value in row[:4]] == [2, 300, 5, 500]
+    assert row[4:] == ["", ""]

@@ -1,5 +1,3 @@
-import shutil
-import subprocess
 from ipaddress import IPv4Address
 from uuid import UUID
 
@@ -7,6 +5,7 @@ import pytest
 from cm_support import CAPTURE_NAMES, calls
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from wireshark import tshark
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.any_block import parse_block
@@ -167,9 +166,6 @@ def test_what_real_controllers_write_is_reemitted_octet_for_octet(capture):
 
 def dissected(tmp_path, records):
     """What tshark says of read answers with these (index, subslot, octets)."""
-    tshark = shutil.which("tshark")
-    if tshark is None:
-        pytest.skip("tshark is not installed")
     from scapy.layers.inet import IP, UDP
     from scapy.layers.l2 import Ether
     from scapy.utils import wrpcap
@@ -186,7 +182,7 @@ def dissected(tmp_path, records):
         packets.append(Ether() / IP(**ends) / UDP(sport=RPC_PORT, dport=40000) / emit_rpc(answer))
     path = tmp_path / "pdev.pcap"
     wrpcap(str(path), packets)
-    text = subprocess.run([tshark, "-r", str(path), "-V"], capture_output=True, text=True, check=True).stdout
+    text = tshark(path, "-V")
     assert "Malformed" not in text
     assert "Expert Info (Warn" not in text
     assert "Expert Info (Error" not in text

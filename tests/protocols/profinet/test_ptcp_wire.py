@@ -1,12 +1,11 @@
 """PTCP frames: as captured, round and round, and as Wireshark reads them."""
 
-import subprocess
-from shutil import which
 from uuid import UUID
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from wireshark import tshark_fields
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
@@ -72,7 +71,6 @@ def test_every_frame_id_of_ptcp_has_a_name():
     assert {i for i in range(0x10000) if classify_frame_id(i) is FrameClass.PTCP} == set(PTCP_NAMES)
 
 
-@pytest.mark.skipif(which("tshark") is None, reason="needs tshark")
 def test_wireshark_reads_the_same(tmp_path):
     from scapy.layers.l2 import Ether
     from scapy.utils import wrpcap
@@ -83,8 +81,6 @@ def test_wireshark_reads_the_same(tmp_path):
     path = tmp_path / "ptcp.pcap"
     wrpcap(str(path), [Ether((head + emit_ptcp(pdu)).ljust(60, b"\0")) for pdu in sent])
     fields = ["pn_rt.frame_id", "pn_ptcp.sequence_id", "pn_ptcp.master_source_address", "pn_ptcp.subdomain_uuid"]
-    command = ["tshark", "-r", str(path), "-T", "fields", *(part for field in fields for part in ("-e", field))]
-    rows = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    assert [row.split("\t") for row in rows] == [
+    assert tshark_fields(path, *fields) == [
         [str(pdu.frame_id), str(pdu.sequence), pdu.master.hex(":"), str(pdu.subdomain)] for pdu in sent
     ]

@@ -1,7 +1,5 @@
 """Every record of a device in the eyes of Wireshark, from a capture that was never on a wire."""
 
-import shutil
-import subprocess
 from dataclasses import replace
 from ipaddress import IPv4Address
 from uuid import UUID
@@ -9,6 +7,7 @@ from uuid import UUID
 import pytest
 from cm_support import CONTROLLER_MAC, DEVICE_MAC, DRIVE, DRIVE_API, UUID_1, Bench
 from record_support import DIAGNOSES, SEVERAL_CARRIERS
+from wireshark import tshark, tshark_fields
 
 from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.profinet.records.store import IoData
@@ -46,20 +45,6 @@ READS = [
 
 
 pytestmark = pytest.mark.interop
-
-
-def tshark(path, *arguments):
-    done = subprocess.run(
-        ["tshark", "-n", "-r", str(path), *arguments], capture_output=True, text=True, check=False, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-def tshark_fields(path, *names, where=""):
-    fields = [part for name in names for part in ("-e", name)]
-    rows = tshark(path, "-T", "fields", "-E", "separator=/t", *fields, *(["-Y", where] if where else []))
-    return [line.split("\t") for line in rows.splitlines()]
 
 
 def tshark_tree(path, number):
@@ -102,8 +87,6 @@ class Tape:
 
 @pytest.fixture(scope="module")
 def tape(tmp_path_factory):
-    if shutil.which("tshark") is None:
-        pytest.skip("needs the tool `tshark`")
     bench = Bench(SEVERAL_CARRIERS, io_data=lambda _slot, _subslot, _output: IoData(bytes(range(12)), 0x80, 0x80))
     bench.establish()
     for event in bench.events():

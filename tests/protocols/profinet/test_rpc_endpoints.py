@@ -9,6 +9,7 @@ from uuid import UUID
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from wireshark import tshark
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.rpc.endpoints import Endpoint
@@ -319,12 +320,6 @@ def test_any_octets_are_answered_or_refused(octets, little):
 
 
 def test_the_answer_is_what_a_dissector_reads(tmp_path):
-    import shutil
-    import subprocess
-
-    tshark = shutil.which("tshark")
-    if tshark is None:
-        pytest.skip("tshark is not installed")
     from scapy.layers.inet import IP, UDP
     from scapy.layers.l2 import Ether
     from scapy.utils import wrpcap
@@ -352,7 +347,7 @@ def test_the_answer_is_what_a_dissector_reads(tmp_path):
         packets.append(Ether() / IP(src=two, dst=one) / UDP(sport=34964, dport=PEER.port) / emit_rpc(answer))
     path = tmp_path / "epm.pcap"
     wrpcap(str(path), packets)
-    text = subprocess.run([tshark, "-r", str(path), "-V"], capture_output=True, text=True, check=True).stdout
+    text = tshark(path, "-V")
     assert "Malformed" not in text
     assert "UDP Port: 34964" in text
     assert f"IP: {ADDRESS}" in text

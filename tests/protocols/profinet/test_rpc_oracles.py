@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from uuid import UUID
@@ -25,6 +23,7 @@ from rpc_support import (
     sent,
     server,
 )
+from wireshark import tshark, tshark_fields
 
 from pnfarm.protocols.profinet.rpc.client import RpcClient
 from pnfarm.protocols.profinet.rpc.endpoints import Endpoint
@@ -188,18 +187,9 @@ def written(path: Path, datagrams: list[tuple[Peer, Peer, bytes]]) -> Path:
     return path
 
 
-def tshark(path: Path, *arguments: str) -> str:
-    program = shutil.which("tshark")
-    if program is None:
-        pytest.skip("tshark is not installed")
-    command = [program, "-r", str(path), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
-
-
 def looks_well(path: Path, frames: int) -> None:
     fields = ["frame.number", "_ws.malformed", "_ws.expert.message", "_ws.col.Protocol", "_ws.col.Info"]
-    out = tshark(path, "-T", "fields", *(part for field in fields for part in ("-e", field)))
-    rows = [line.split("\t") for line in out.splitlines()]
+    rows = tshark_fields(path, *fields)
     assert len(rows) == frames
     for row in rows:
         assert row[1:3] == ["", ""], row

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from hypothesis import strategies as st
 from scapy.contrib.pnio_rpc import AlarmNotification_Low
 from scapy.layers.l2 import Ether
 from scapy.utils import PcapReader, wrpcap
+from wireshark import tshark
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.errors import ErrorCode, describe_status, pnio_error
@@ -264,9 +263,6 @@ def test_scapy_reads_what_is_built(entries, alarm):
 
 
 def test_a_dissector_reads_what_is_built(tmp_path):
-    tshark = shutil.which("tshark")
-    if tshark is None:
-        pytest.skip("tshark is not installed")
     maintenance = AlarmItem(0x8100, bytes.fromhex("0f00 0008 0100 0000 00000003"))
     channel = AlarmItem(0x8000, bytes.fromhex("8000 0800 0010"))
     alarm = AlarmNotification(AlarmType.DIAGNOSIS, 0x3A00, 1, 2, 0x100, 0x68, 0xA805, (maintenance, channel))
@@ -278,7 +274,7 @@ def test_a_dissector_reads_what_is_built(tmp_path):
     ]
     path = tmp_path / "alarms.pcap"
     wrpcap(str(path), packets)
-    text = subprocess.run([tshark, "-r", str(path), "-V"], capture_output=True, text=True, check=True).stdout
+    text = tshark(path, "-V")
     assert "Malformed" not in text
     for words in (
         "AlarmDstEndpoint: 0x0001", "Type: Data-RTA-PDU (0x1)", "TACK: 0x1", "SendSeqNum: 0x0003",
