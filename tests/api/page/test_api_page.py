@@ -203,10 +203,10 @@ def test_a_zoom_in_one_plot_is_one_in_all_and_ends_by_a_double_click(page):
     middle = top + height / 2
     page.drag((left + 0.8 * width, middle), (left + 0.9 * width, middle))
     # the picture stands still, and the bits are of the same time as the plots
-    page.until("all('button', 'Go on').length === 1")
+    page.until("all('button', 'Continue').length === 1")
     page.until("all('[role=img][aria-label^=\"bits of\"]').length === 2")
     page.ask("all('.u-over')[0].dispatchEvent(new MouseEvent('dblclick', {bubbles: true}))")
-    page.until("press('button', 'Go on')")
+    page.until("press('button', 'Continue')")
     page.until("all('button', 'Pause').length === 1")
 
 

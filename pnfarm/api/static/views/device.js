@@ -71,7 +71,7 @@ function Marks({state, of}) {
 function Force({signal, state, value, text, force}) {
   if (!live.writes) return null;
   const button = (does, what, of) => html`<button type="button" aria-label=${`${what[0].toUpperCase()}${what.slice(1)} ${signal.label || signal.name}`} title=${does} onClick=${() => force(of)}>${what}</button>`;
-  return html`<span class="force">${value === null ? null : button("over what is written, until it is released", text, value)}${state.forced === null ? null : button("what was written last has the signal again", "release", null)}</span>`;
+  return html`<span class="force">${value === null ? null : button("this value has priority over written ones, until it is released", text, value)}${state.forced === null ? null : button("the signal gets its last written value again", "release", null)}</span>`;
 }
 
 /** One bit: a lamp, or a switch if it is an input; `place`: a short text before its name, which a `label` replaces where it is beside it. */
@@ -195,10 +195,10 @@ export function Device({name, tab}) {
       <span class=${row.connected ? "good" : "dim"}>${connection.state}${controller ? ` with ${deviceController(row)}, ${time(connection.cycle_seconds)}` : ""}</span></div>
     <div class="bar">
       ${mine.map(one => html`<span key=${one.id} class="warn" title=${one.id}>${one.kind}${(one.spec.params || {}).signal ? ` on ${one.spec.params.signal}` : ""}${one.drives[name].state === "active" ? "" : ` (${one.drives[name].state})`} <${Act} title="end this fault" label=${`Clear ${one.kind}, ${one.id}`} onClick=${async () => { await act(() => call("DELETE", path("faults", one.id)), `${one.id} cleared`); again(); }}>clear<//></span>`)}
-      ${forced ? html`<${Act} title="what was written last has the signals again" onClick=${() => act(() => call("PATCH", signalsOf(name) + "?as=force", {"*": null}), "no signal is forced")}>release ${plural(forced, "force")}<//>` : null}
+      ${forced ? html`<${Act} title="the signals get their last written values again" onClick=${() => act(() => call("PATCH", signalsOf(name) + "?as=force", {"*": null}), "no signal is forced")}>release ${plural(forced, "force")}<//>` : null}
       <span class="gap"></span>
       <div class="bar" role="group" aria-label="Usual faults">
-      <${Act} kind="hot" title="fall silent until the controller's watchdog has expired" onClick=${() => add({kind: "timeout"})}>timeout<//>
+      <${Act} kind="hot" title="send nothing until the controller's watchdog has expired" onClick=${() => add({kind: "timeout"})}>timeout<//>
       <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => add({kind: "link-down", for: "2s"})}>cable 2 s<//>
       <a class="button" href=${`#/faults?on=${encodeURIComponent(name)}&kind=signal-stuck`}>signal fault…</a>
       <a class="button" href=${"#/faults?on=" + encodeURIComponent(name)}>other fault…</a></div>
@@ -215,8 +215,8 @@ export function Device({name, tab}) {
       <span class="dim" role="status">${text ? `${modules.reduce((sum, one) => sum + one.signals.length, 0)} of ${plural(signals.length, "signal")}` : `${countOf(signals, "input")}, ${countOf(signals, "output")}`}</span>
       <span class="gap"></span><button type="button" onClick=${() => all(true)}>Open all</button><button type="button" onClick=${() => all(false)}>Close all</button></div>
     ${modules.map(one => html`<${Module} key=${one.module.slot} ...${one} open=${opened[one.module.slot] ?? first.has(one.module.slot)} toggle=${toggle} device=${name} states=${states} faults=${faults}/>`)}
-    ${text && !modules.length ? html`<p class="dim">No signal fits.</p>` : null}
-    ${entries.length ? html`<h2>Events of this page's time</h2><div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th><th scope="col">Event</th><th scope="col">Details</th></tr></thead>
+    ${text && !modules.length ? html`<p class="dim">No signal matches.</p>` : null}
+    ${entries.length ? html`<h2>Events since this page was opened</h2><div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th><th scope="col">Event</th><th scope="col">Details</th></tr></thead>
       <tbody>${entries.map(entry => html`<${Entry} key=${`${entry.sequence} ${entry.time}`} entry=${entry} drive=${false}/>`)}</tbody></table></div>` : null}` : null}
   </section>`;
 }

@@ -47,5 +47,5 @@ export function DeviceList({devices, all, alone}) {
         <tbody><tr class="space" aria-hidden="true"><td style=${{height: `${part.before}px`}}></td></tr>
           ${devices.slice(part.first, part.last).map(device => html`<${Row} key=${device.name} device=${device}/>`)}
           <tr class="space" aria-hidden="true"><td style=${{height: `${part.after}px`}}></td></tr></tbody></table>
-      ${devices.length ? null : html`<p class="dim">No device fits the filter.</p>`}</div>`;
+      ${devices.length ? null : html`<p class="dim">No device matches the filter.</p>`}</div>`;
 }

@@ -36,7 +36,7 @@ function Live({farm, name}) {
   const bits = useMemo(() => list ? bitsOf(list.signals) : {}, [list]);
   const signals = paused || farm.signals;
   if (!list && error) return html`<${Problem} text=${error}/>`;
-  if (farm.signalsFull) return html`<p class="warn">The farm has no room for a live picture of one more drive: others are looked at, or traces fill its memory.</p>`;
+  if (farm.signalsFull) return html`<p class="warn">The farm cannot show one more drive live: other pages show drives, or traces use its memory.</p>`;
   if (!signals || !signals.seconds.length) return html`<p class="dim">Waiting for the first samples…</p>`;
   // times are before now
   const last = signals.seconds[signals.seconds.length - 1], range = zoom || [-seconds, 0];
@@ -47,8 +47,8 @@ function Live({farm, name}) {
   return html`<div>
     <div class="bar">
       <div role="group" aria-label="Time shown">${SECONDS.map(one => html`<button key=${one} type="button" aria-pressed=${one === seconds} onClick=${() => { setSeconds(one); setZoom(null); }}>${one} s</button>`)}</div>
-      <button type="button" aria-pressed=${paused !== null} onClick=${goOn}>${paused ? "Go on" : "Pause"}</button>
-      <span class="dim">100 samples a second, each of the engine's own step. Drag over a plot to zoom all, double-click to go back.</span>
+      <button type="button" aria-pressed=${paused !== null} onClick=${goOn}>${paused ? "Continue" : "Pause"}</button>
+      <span class="dim">100 samples a second, each from one step of the engine. Drag over a plot to zoom all, double-click to go back.</span>
     </div>
     ${PLOTS.map(plot => {
       const present = plot.filter(([signal]) => signal in signals.values);
@@ -92,7 +92,7 @@ function Parameters({name, farm}) {
         <span>${begin + 1} to ${Math.min(list.count, begin + most)}</span>
         <button type="button" disabled=${begin + most >= list.count} onClick=${() => setBegin(begin + most)}>On</button>` : null}</div>
     <${Problem} text=${error}/>
-    <div class="scroll" tabindex="0" role="region" aria-label="Parameters"><table><thead><tr><th scope="col">Number</th><th scope="col">Name</th><th scope="col" class="number">Raw value</th><th scope="col">Physical</th><th scope="col" class="number">Least</th><th scope="col" class="number">Most</th><th scope="col" class="number">Default</th><th scope="col">Source and note</th></tr></thead>
+    <div class="scroll" tabindex="0" role="region" aria-label="Parameters"><table><thead><tr><th scope="col">Number</th><th scope="col">Name</th><th scope="col" class="number">Raw value</th><th scope="col">Physical</th><th scope="col" class="number">Min</th><th scope="col" class="number">Max</th><th scope="col" class="number">Default</th><th scope="col">Source and note</th></tr></thead>
       <tbody>${list ? list.parameters.map(one => html`<tr key=${one.pnu}>
         <th scope="row">${one.number}${one.number === String(one.pnu) ? "" : html` <span class="dim">${one.pnu}</span>`}</th><td>${one.name}${one.elements ? html` <span class="dim">[${one.elements}]</span>` : null}</td>
         <td class="number">${edited && edited.pnu === one.pnu
@@ -236,7 +236,7 @@ export function Drive({name, tab}) {
       ${row.injected.map(([id, kind]) => html`<span key=${id} class="warn" title=${id}>${kind} <${Act} title="end this fault" label=${`Clear ${kind}, ${id}`} onClick=${() => act(() => call("DELETE", path("faults", id)), `${id} cleared`)}>clear<//></span>`)}
       <span class="gap"></span>
       <div class="bar" role="group" aria-label="Usual faults, and the supply">
-      <${Act} kind="hot" title="fall silent until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
+      <${Act} kind="hot" title="send nothing until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
       <${Act} kind="hot" title="raise fault 702" onClick=${() => inject({kind: "f702", ...on})}>f702<//>
       <${Act} kind="hot" title="the sign of life freezes for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
       <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => inject({kind: "link-down", for: "2s", ...on})}>cable 2 s<//>

@@ -63,7 +63,7 @@ function Selection({selected, select, shown}) {
     <button type="button" onClick=${() => select(new Set())}>Select none</button>
     <span class="gap"></span>
     <div class="bar" role="group" aria-label="Faults for the selected drives">
-    <${Act} kind="hot" title="fall silent until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
+    <${Act} kind="hot" title="send nothing until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
     <${Act} kind="hot" title="raise fault 702" onClick=${() => inject({kind: "f702", ...on})}>f702<//>
     <${Act} kind="hot" title="the sign of life freezes for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
     <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => inject({kind: "link-down", for: "2s", ...on})}>cable 2 s<//>
@@ -172,7 +172,7 @@ export function Overview() {
             ${visible.map(drive => html`<${Row} key=${drive.name} drive=${drive} selected=${selected.has(drive.name)} toggle=${toggle}/>`)}
             <tr class="space" aria-hidden="true"><td style=${{height: `${part.after}px`}}></td></tr>
           </tbody></table>`}
-      ${shown.length || !farm.drives.length ? null : html`<p class="dim">No drive fits the filter.</p>`}
+      ${shown.length || !farm.drives.length ? null : html`<p class="dim">No drive matches the filter.</p>`}
     </div>
     ${farm.devices.length ? html`<${DeviceList} devices=${devices} all=${farm.devices.length} alone=${!farm.drives.length}/>` : null}
   </section>`;

@@ -77,7 +77,7 @@ const EXAMPLE = `plant:
     - island-1.grip -> gripper.extend
     - gripper.extended -> island-1.gripped`;
 
-const Empty = () => html`<p>This farm has no plant: nothing is behind its drives and devices. Add <code>plant:</code> with models and wires to the farm file, and start the farm again; <code>pnfarm plant --kinds</code> lists the built-in models.</p><pre class="panel">${EXAMPLE}</pre>`;
+const Empty = () => html`<p>This farm has no plant. Add <code>plant:</code> with models and wires to the farm file, and start the farm again; <code>pnfarm plant --kinds</code> lists the built-in models.</p><pre class="panel">${EXAMPLE}</pre>`;
 
 /** `model`: the one whose trace is shown; empty: all with their ports. */
 export function Plant({model}) {
@@ -111,8 +111,8 @@ export function Plant({model}) {
   return html`<section aria-label="Plant"><${Problem} text=${error}/>
     ${!found.models.length && !found.wires.length ? html`<${Empty}/>` : html`<div class="bar"><input type="search" placeholder="model, kind or port" aria-label="Find a model by its name, kind or ports" value=${text} onInput=${event => { setText(event.target.value); setOpened({}); }}/>
       <span class="dim" role="status">${wanted ? `${fits.length} of ` : ""}${plural(found.models.length, "model")}, ${plural(found.wires.length, "wire")}, a step every ${time(found.step_seconds)}</span>
-      ${found.steps_left_out ? html`<span class="warn" title="the machine stood longer than the plant makes up for">${plural(found.steps_left_out, "step")} left out</span>` : null}</div>
+      ${found.steps_left_out ? html`<span class="warn" title="the machine stalled for longer than the plant makes up for">${plural(found.steps_left_out, "step")} left out</span>` : null}</div>
     ${shown.map(({one, open}) => html`<${Model} key=${one.name} model=${one} wires=${wires} open=${open} turn=${turn} plots=${plots} toggle=${toggle}/>`)}
-    ${fits.length > SHOWN ? html`<p class="dim">${fits.length - SHOWN} more: filter by name</p>` : null}${wanted && !fits.length ? html`<p class="dim">No model fits.</p>` : null}
+    ${fits.length > SHOWN ? html`<p class="dim">${fits.length - SHOWN} more: filter by name</p>` : null}${wanted && !fits.length ? html`<p class="dim">No model matches.</p>` : null}
     <${Wires} wires=${found.wires} wanted=${wanted}/>`}</section>`;
 }

@@ -50,6 +50,6 @@ export function Reactions() {
         <td class=${"text " + (one.what === "fault" ? "bad" : "warn")}>${one.what === "fault" ? `fault ${one.code} ${one.name}` : `connection lost${one.name ? ` by ${one.name}` : ""}`}</td><td>${one.what === "fault" ? (one.kind === "none" ? "–" : one.kind) : one.kind || "–"}</td>
         <td class="number dim">${time(Math.round(one.seconds_ago))}</td><td class="number">${time(one.reaction_seconds)}</td>
         <td class=${"number " + (one.recovered_seconds === null ? "bad" : "good")}>${one.recovered_seconds === null ? "not yet" : time(one.recovered_seconds)}</td><td class="wide"><${Timeline} one=${one}/></td></tr>`)}</tbody></table></div>`
-      : html`<p class="dim">No fault and no loss of a connection has been seen. Inject one, and look here at what the PLC does.</p>`}
+      : html`<p class="dim">No fault and no loss of a connection has been seen. Inject one to see here what the PLC does.</p>`}
   </section>`;
 }

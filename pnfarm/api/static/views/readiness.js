@@ -58,10 +58,10 @@ export function Readiness() {
       <span role="status">${counts.map(([state, count]) => html`<span key=${state}><${State} of=${STATES[state]}/> ${count} </span>`)}</span>
       ${found.ready ? html`<strong class="good">Every station exchanges data, and nothing is refused.</strong>` : null}</div>
     <${Problem} text=${error}/>
-    ${found.missing.length ? html`<div role="group" aria-label="Missing"><h2>Asked for, and not in the farm</h2><div class="scroll" tabindex="0" role="region" aria-label="Missing stations"><table><thead><tr><th scope="col">Name or address</th><th scope="col">Controller</th><th scope="col">What to change</th></tr></thead>
+    ${found.missing.length ? html`<div role="group" aria-label="Missing"><h2>Requested, but not in the farm</h2><div class="scroll" tabindex="0" role="region" aria-label="Missing stations"><table><thead><tr><th scope="col">Name or address</th><th scope="col">Controller</th><th scope="col">What to change</th></tr></thead>
       <tbody>${found.missing.map((one, i) => html`<tr key=${i}><th scope="row">${one.name}</th><td>${found.controllers[one.controller] ? nameOf(found.controllers[one.controller]) : "–"}</td><td class="text warn">${one.text}<${Place} one=${one}/></td></tr>`)}</tbody></table></div></div>` : null}
     ${found.controllers.map((controller, number) => html`<${Controller} key=${number} controller=${controller} rows=${rows(number)}/>`)}
-    ${alone.length ? html`<div role="group" aria-label="Not asked for"><h2>No controller asked for</h2><div class="scroll" tabindex="0" role="region" aria-label="Stations that no controller asked for"><table><thead><tr><th scope="col">Station</th><th scope="col">Name on the bus</th><th scope="col">State</th><th scope="col">Farm file</th></tr></thead>
+    ${alone.length ? html`<div role="group" aria-label="Not asked for"><h2>Stations that no controller asked for</h2><div class="scroll" tabindex="0" role="region" aria-label="Stations that no controller asked for"><table><thead><tr><th scope="col">Station</th><th scope="col">Name on the bus</th><th scope="col">State</th><th scope="col">Farm file</th></tr></thead>
       <tbody>${alone.slice(0, SHOWN).map(one => html`<tr key=${one.name}><th scope="row"><a href=${linkOf(one.axes[0] || one.name)}>${one.name}</a></th><td>${one.station_name || "–"}</td><td><${State} of=${STATES[one.state]}/></td><td><${Place} one=${one} why=""/></td></tr>`)}</tbody></table></div></div>` : null}
   </section>`;
 }

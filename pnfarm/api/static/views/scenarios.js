@@ -73,7 +73,7 @@ export function Scenarios({id}) {
   const shown = id || (all[0] && all[0].id);
   return html`<section aria-label="Scenarios">
     <div class="columns"><div>
-      <div class="bar"><h2>Start one</h2><span class="gap"></span><label class="button">From a file<input type="file" class="hidden" accept=".yml,.yaml" onChange=${load}/></label></div>
+      <div class="bar"><h2>Start a scenario</h2><span class="gap"></span><label class="button">From a file<input type="file" class="hidden" accept=".yml,.yaml" onChange=${load}/></label></div>
       <textarea rows="16" wrap="off" spellcheck="false" aria-label="The scenario's text" value=${value} onInput=${event => change(event.target.value)}></textarea>
       <div class="bar"><button type="button" class="main" disabled=${!farm.writes} onClick=${start}>Check and start</button></div>
       <${Problem} text=${issues || error}/></div>
