@@ -165,7 +165,7 @@ def _overview_drives(board: Board) -> None:
         state_timeline(
             "Drives out of operation",
             targets((f"{farm('pnfarm_axis_state')} != 4", "{{drive}}")),
-            "Drives that are not in S4, while they are not.",
+            "Drives while they are not in S4.",
             STATES,
             no_value="every drive is in S4 operation",
             links=[link("This drive", BY_LABEL)],
@@ -450,7 +450,14 @@ def _overview_engine(board: Board) -> None:
         *((quantile(share, lateness), name) for share, name in ((0.5, "p50"), (0.99, "p99"), (0.999, "p99.9")))
     )
     board.add(
-        timeseries("Lateness", curves, "Quantiles of the same.", unit="s", minimum=0, calcs=["lastNotNull", "max"]),
+        timeseries(
+            "Lateness",
+            curves,
+            "Quantiles of the farm's own lateness.",
+            unit="s",
+            minimum=0,
+            calcs=["lastNotNull", "max"],
+        ),
         6,
         8,
     )

@@ -166,7 +166,7 @@ def _drive_motor(board: Board) -> None:
                 (drive("pnfarm_axis_setpoint_min_rpm"), "set point (NSOLL_A), smallest"),
             ),
             "Extremes of the shaft's speed and of the controller's set point in the last 5 to 10 s, measured by the "
-            "engine at each step: what moves faster than the scrapes shows as a band, not as a slow wave.",
+            "engine at each step: motion faster than the scrapes appears as a band, not as a slow wave.",
             unit="rotrpm",
             overrides=[
                 override("shaft (VL.FB), largest", color=color(GREEN)),
