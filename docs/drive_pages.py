@@ -24,9 +24,9 @@ NOTES = Path(__file__).resolve().parent / "drives" / "notes"
 FILES = {"profinet": ("gsdml", "GSDML"), "ethernetip": ("eds", "EDS"), "profibus": ("gsd", "GSD")}
 #: Bus -> what a farm file says where a project holds the maker's file.
 HELD = {
-    "profinet": "`gsdml: FILE` of the drive, and no ident is typed",
+    "profinet": "`gsdml: FILE` of the drive; no ident has to be typed",
     "ethernetip": "put its idents under `identity:` of the drive",
-    "profibus": "`gsd: FILE` of the drive, and no ident is typed",
+    "profibus": "`gsd: FILE` of the drive; no ident has to be typed",
 }
 #: Parts of an identity that a project's file has, and their names here.
 IDENTITY = {

@@ -18,8 +18,8 @@ One reader is used everywhere: `identity: {{gsdml: FILE}}` of a drive, `devices:
 - A file's version is that of the schema which its root names, else that of its own name (`GSDML-V2.31-...xml`).
   A file that names none is checked against V1.0, and one of a later version against the newest.
 - A file need not have what its version does not have: the default applies. Attributes of later versions are accepted.
-- If a file lacks what its version requires, and there is no sensible default, the file is refused with line, element and
-  attribute. Else the default applies, and a remark in the notes of `pnfarm validate` and in the log names what is
+- If a file lacks what its version requires, and there is no sensible default, the file is refused with line, element
+  and attribute. Else the default applies, and a remark in the notes of `pnfarm validate` and in the log names what is
   missing.
 - Also refused: a value that its attribute cannot have, an ID or a subslot that is taken twice, a reference without a
   target, a document type (with its entities), more than {MAX_OCTETS >> 20} MiB, elements nested more than

@@ -4,7 +4,7 @@ A stream reads the log by number, so a client that is slow, or that returns with
 still holds; a message of type ``gap`` gives the number of entries lost.
 
 A *position* has the last number of each run that a client has seen, ``1f3c9a02-17.77d0a1b4-203``: a farm's has one run,
-a hub's those of its shards.  Numbers begin anew with each run, so that a number alone says nothing after a restart.
+a hub's those of its shards.  Numbers start again with each run, so that a number alone says nothing after a restart.
 """
 
 from __future__ import annotations

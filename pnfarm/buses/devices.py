@@ -1,4 +1,4 @@
-"""Buses on which a farm plays devices that their makers' files describe: the keys of ``devices:``, and the stations."""
+"""Buses with devices by makers' files: the keys of ``devices:``, and the stations."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class Said:
 class FoundDrive:
     """A station that a model stands for: keys of its group in a farm file, and what a user should know of each.
 
-    ``notes`` say how it is played and what is not sure, ``facts`` what it is in the plant: comments of the farm file.
+    ``notes`` say how it is made and what is not sure, ``facts`` what it is in the plant: comments of the farm file.
     ``line``: of a station on a serial line, the line's name in a farm file.  ``file``: what ``gsdml``
     or ``identity`` names, where that has to be written.  ``doubts``: what of a project could not be taken over.
     """

@@ -136,7 +136,7 @@ def _joined(one: Found, other: Found, first: str, second: str) -> tuple[Found, l
         missing = played.missing or (other.missing if isinstance(other, FoundStation) else "")
         return replace(played, facts=(*differing, *facts), missing=missing, keys=keys, said=said), differing
     if isinstance(one, FoundStation) and one.missing:
-        notes.append(f"with {one.missing}, it is played as {first} has it")
+        notes.append(f"with {one.missing}, it would be as in {first}")
     name = one.name if one.said.name else other.name if other.said.name else one.name
     return replace(
         played, name=name, keys=keys, notes=(*differing, *played.notes, *notes), facts=facts, said=said

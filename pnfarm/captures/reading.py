@@ -164,7 +164,7 @@ class FrameReader:
                         name = name.decode("utf-8", "replace")
             except EOFError:
                 if file.tell() != place:
-                    self.complaint = f"the packet or block at octet {place} is not whole"
+                    self.complaint = f"the packet or block at octet {place} is incomplete"
                 return
             except Exception as exc:  # noqa: BLE001 - scapy raises whatever its parsing of any octets meets
                 self.complaint = f"{type(exc).__name__}: {exc}"

@@ -52,12 +52,12 @@ def _line(config: FarmConfig, one: _Station, key: str) -> int:
 
 
 def _names(config: FarmConfig, stations: Sequence[_Station]) -> Iterator[Finding]:
-    """The reader refuses names that are alike; these differ in case alone."""
+    """The reader refuses names that are alike; these differ only in case."""
     before: dict[str, _Station] = {}
     for one in stations:
         other = before.setdefault(one.name.lower(), one)
         if other is not one:
-            detail = f"{one.name} and {other.name} differ in case alone: engineering tools take them for one"
+            detail = f"{one.name} and {other.name} differ only in case: engineering tools take them for one"
             yield Finding("names", None, detail, "another name", _line(config, one, "name"))
 
 
@@ -121,7 +121,7 @@ def _plans(config: FarmConfig, stations: Sequence[_Station]) -> Iterator[Finding
     for bus in dict.fromkeys(one.bus for one in alone):
         names = shortened([one.facts.name for one in alone if one.bus == bus])
         first = next(one for one in alone if one.bus == bus)
-        detail = f"{names}: `controller:` has no controller on their bus, so that nobody connects to them"
+        detail = f"{names}: `controller:` has no controller on their bus, so no controller connects to them"
         yield Finding("controller", None, detail, f"controller: {{{bus}: ...}}", config.place(first.at)[1])
     if not alone:
         count = sum(len(one.plan.devices) for one in planned)

@@ -42,7 +42,7 @@ Note = Callable[[int, str, Event], object]
 #: Has a controller do something, given the time: at once, or where the controller is.
 Carry = Callable[[Callable[[int], None]], object]
 
-#: The first cycle that is too slow is told, and then each that multiplies their number by this.
+#: The first cycle that is too slow is logged, and then each that multiplies their number by this.
 TOLD_AGAIN = 10
 
 
@@ -160,7 +160,7 @@ class _Providers:
         self._seen: tuple[bytes, ...] = ()
 
     def look(self) -> None:
-        """Find them anew, if they changed."""
+        """Find them again, if they changed."""
         seen = (self._active.tobytes(), self._image.tobytes(), self._rider.tobytes())
         if seen == self._seen:
             return

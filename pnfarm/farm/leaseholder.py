@@ -111,7 +111,7 @@ class Leaseholder:
     def start(self, core: LeasedFarm, poke: Callable[[], None], fail: Callable[[Exception], None]) -> None:
         """The drives are about to speak.
 
-        ``poke`` lets the runtime process what was changed, ``fail`` ends the farm with what a look raised.
+        ``poke`` lets the runtime process what was changed, ``fail`` ends the farm with what a check raised.
         """
         self._core, self._poke, self._fail = core, poke, fail
         engine = core.columns.engine[0]
@@ -138,7 +138,7 @@ class Leaseholder:
 
     def _tick(self) -> None:
         self.state.attended()
-        # first: the lease is attended as long as this process runs, whatever a look finds
+        # first: the lease is attended as long as this process runs, whatever a check finds
         self._handle = self._loop.call_later(LOOK_SECONDS, self._tick)
         self._look()
 

@@ -273,7 +273,7 @@ class InjectionKind:
     def joined(self, on: Mapping[str, KindOnBus]) -> InjectionKind:
         """The kind with what buses have to say about it, and with their parameters.
 
-        Raises :class:`InternalError` for a parameter that is there twice.
+        Raises :class:`InternalError` for a parameter that appears twice.
         """
         params = dict(self.params)
         for one in on.values():

@@ -145,7 +145,7 @@ class InjectionManager:
         return targets_of(spec, self._drives, self._check_condition)
 
     def renew(self, injection_id: str, now: int) -> Injection:
-        """Begin its time to live anew; raises :class:`ConfigError` for an unknown id, or one without such a time."""
+        """Restart its time to live; raises :class:`ConfigError` for an unknown id, or one without such a time."""
         injection = self._active(injection_id)
         if injection.spec.ttl_ns is None:
             raise InjectionError([("ttl", f"{injection_id} has no time to live that could be renewed", "")])

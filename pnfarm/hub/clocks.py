@@ -47,7 +47,7 @@ class ClockOffset:
         self._best = min(self._trips, key=lambda trip: trip.uncertainty_ns(answered_ns))
 
     def forget(self) -> None:
-        """The shard's clock begins anew."""
+        """The shard's clock starts again."""
         self._trips.clear()
         self._best = None
 

@@ -76,7 +76,7 @@ class HubLive:
         run = shard.instance, shard.since_ns
         try:
             async for event, data in self._hub.client(shard).stream(f"{PREFIX}/live", query=query):
-                # of drives at rest only a stream that begins anew tells that they are back
+                # of drives at rest only a stream that starts again tells that they are back
                 if (shard.instance, shard.since_ns) != run or not shard.asked:
                     break
                 if event == "overview":
@@ -132,7 +132,7 @@ class _HubPage:
     def overview(self) -> Iterator[bytes]:
         self.seen.refresh()
         if self.seen.layout != self.layout:
-            # drives have come or gone: the page begins anew
+            # drives have come or gone: the page starts again
             self.layout, self.version = self.seen.layout, 0
             yield message("farm", self._farm())
         text = self.seen.since(self.version)

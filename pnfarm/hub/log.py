@@ -3,7 +3,7 @@
 An entry waits for :data:`HOLD_NS` before it is given out, so that one of another shard that happened earlier, and comes
 later, is before it.  One that comes later still is given out at once, out of order.
 
-Two numbers mark a place in the log.  ``sequence`` counts the hub's own entries, as a farm's does; it begins anew with
+Two numbers mark a place in the log.  ``sequence`` counts the hub's own entries, as a farm's does; it starts again with
 the hub.  The *position* (:mod:`pnfarm.api.events`) has the last number of each shard's run: with it a client goes on
 after the hub was restarted, because the shards still have their entries.
 """

@@ -1,6 +1,6 @@
 """What one client of the hub's ``GET live`` looks at in detail, from the shards that have it.
 
-One stream for each of these shards, for this client alone; it begins anew after the shard was away, or when another
+One stream for each of these shards, for this client alone; it starts again after the shard was away, or when another
 one has the drive or device.  Messages of the drive are passed on, the oldest left out where the client is slow; of
 signals of devices what is newest is kept.
 """

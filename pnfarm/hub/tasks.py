@@ -1,4 +1,4 @@
-"""The hub's tasks: names are asked anew, each shard's clock every second, its events are followed.
+"""The hub's tasks: names are resolved again, each shard's clock every second, its events are followed.
 
 All of them are here; what they do is in :mod:`pnfarm.hub.hub`.
 """

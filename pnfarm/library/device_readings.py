@@ -59,7 +59,7 @@ class Signals(Mapping[str, "Value"]):
     def set(self, values: Mapping[str, Value]) -> dict[str, str]:
         """Write several, all in force at once, or none.
 
-        Returns those that somebody stronger has, ``fault`` or ``force``: what was written waits behind it.
+        Returns those that have a stronger owner, ``fault`` or ``force``: the written value takes effect when that ends.
         """
         overruled = dict(self._any.set(values))
         self._changed()

@@ -52,7 +52,7 @@ class _Socket:
 
 
 class _Tally:
-    """See :class:`pnfarm.links.serial.line.LineTally`: what one link says, and hears of all others."""
+    """See :class:`pnfarm.links.serial.line.LineTally`: what one link reports, and gets of all others."""
 
     way, where, is_up = "memory", "in memory", True
     withheld = 0

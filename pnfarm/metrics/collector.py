@@ -213,7 +213,7 @@ class FarmCollector(Collector):
                     "motor.position",
                     "Shaft position from the home position; before homing, from power-on (PL.FB).",
                 ),
-                ("current_amperes", "motor.current", "Torque-building current of the motor (IL.FB)."),
+                ("current_amperes", "motor.current", "Torque-producing current of the motor (IL.FB)."),
                 (
                     "following_error_revolutions",
                     "positioning.following_error",

@@ -146,7 +146,7 @@ class FarmPoints:
 
         What is not ``known`` to be written by this client is an event, and known from then on.
 
-        What a fault, a force or a wire has now waits behind it: ``GoodCompletesAsynchronously``.
+        The value takes effect when a fault, a force or a wire ends: ``GoodCompletesAsynchronously``.
         """
         found: dict[str, str] = {}
         wanted: dict[str, dict[str, Value]] = {}

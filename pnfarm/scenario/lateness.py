@@ -34,7 +34,7 @@ KEPT = 256
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    """What a look found: nothing of it is before ``begin``, ns."""
+    """What a check found: nothing of it is before ``begin``, ns."""
 
     begin: int
     own: Lateness

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["carry_on", "carry_out_virtually", "run_virtual"]
 
-#: Longest stretch without a look: the wall time of one keeps progress visible and Ctrl-C quick.
+#: Longest time without a check: the wall time of one keeps progress visible and Ctrl-C quick.
 STRETCH_NS = 10_000_000_000
 
 

@@ -1,4 +1,4 @@
-"""Signals of devices in conditions: ``island-1.part_present``, and of the device at hand ``part_present`` as well.
+"""Signals of devices in conditions: ``island-1.part_present``, and of the device itself ``part_present`` as well.
 
 The name of a signal has no dot, so that all before the last dot is the station's.  Beside its signals a device has
 ``connected`` and ``powered``, unless it has signals of these names.

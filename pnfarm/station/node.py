@@ -61,7 +61,7 @@ class NodePart(Protocol):
     def configured_name(self) -> str: ...
 
     def restore(self, kept: Mapping[str, Any]) -> list[str]:
-        """Begin anew with the contents of memory; a sentence for each that does not fit."""
+        """Start again with the contents of memory; a sentence for each that does not fit."""
 
     def restore_history(self, kept: Mapping[str, Any]) -> None:
         """The farm starts: take back what outlives it."""

@@ -35,7 +35,7 @@ class NamedSignals(Protocol):
         """Every signal (:class:`pnfarm.signals.signal.Signal`) with its value and whether its data are good."""
 
     def set(self, values: Mapping[str, Value]) -> Mapping[str, str]:
-        """Write inputs, all or none; those that somebody stronger has, and who."""
+        """Write inputs, all or none; those that a stronger owner has, and which."""
 
     def force(self, values: Mapping[str, Value | None]) -> Mapping[str, str]:
         """The same over what is written, until a None releases it; ``*`` releases all."""

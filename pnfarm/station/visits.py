@@ -1,6 +1,6 @@
 """What each controller did with one station on its way to data exchange: found, configured, refused.
 
-The devices of all buses write it, views read it.  It is bounded whatever comes from outside, and begins anew when the
+The devices of all buses write it, views read it.  It is bounded whatever comes from outside, and starts again when the
 station's supply goes; a refusal stays until the same controller's next attempt has got further.
 """
 
@@ -207,7 +207,7 @@ class Visits:
         return next((visit for visit in self._visits if connection in visit.connections), None)
 
     def take(self, event: Event, now: int) -> None:
-        """What the station's log is told, whatever the bus."""
+        """What goes into the station's log, whatever the bus."""
         match event:
             case StartUpPhase(phase="parameters" | "ready" as phase, connection=int() as connection):
                 visit = self.of_connection(connection)

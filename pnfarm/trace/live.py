@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["MOST_DRIVES", "LiveSignals", "LiveViewer"]
 
 INTERVAL = "10ms"
-#: What a viewer that comes anew sees of the past.
+#: What a new viewer gets of the past.
 PAST = "10s"
 #: Traces of a farm are few, and most of them are for those who ask for one.
 MOST_DRIVES = 4

@@ -410,7 +410,7 @@ def test_the_check_prints_what_to_note_and_finds_it_again(whole, capsys):
     # shortened at its end it is whole, but for who noted its end
     assert main(["audit", "check", str(whole)]) == 0
     assert main(["audit", "check", str(whole), "--noted", last[2]]) == 1
-    assert "shortened or written anew" in capsys.readouterr().out
+    assert "shortened or rewritten" in capsys.readouterr().out
     assert main(["audit", "check", f"{whole}.none"]) == 2
 
 

@@ -46,7 +46,7 @@ def test_names_that_differ_in_case_alone_are_told_with_their_line(tmp_path):
     )
     finding = found(tmp_path, text)["names"]
     assert (finding.ok, finding.line) == (None, 6)
-    assert "Axis-A and axis-a differ in case alone" in finding.detail
+    assert "Axis-A and axis-a differ only in case" in finding.detail
 
 
 def test_an_address_of_this_machine_and_one_behind_a_router_are_told(tmp_path, monkeypatch):
@@ -128,9 +128,9 @@ def test_another_module_another_name_and_a_station_that_is_not_played_stay_red(j
     assert (code, findings["island"]["remedy"], findings["island"]["line"]) == (1, "name: island", 5)
     code, findings = judged(AXES, island())
     assert (code, findings["island"]["ok"]) == (1, False)
-    assert "the farm does not play it" in findings["island"]["detail"]
+    assert "the farm does not have it" in findings["island"]["detail"]
     assert (findings["axis-1"]["ok"], findings["axis-1"]["line"]) == (None, 5)
-    assert "nobody connects to it" in findings["axis-1"]["detail"]
+    assert "no PLC connects to it" in findings["axis-1"]["detail"]
 
 
 def test_what_the_project_does_not_say_is_not_called_green(judged):

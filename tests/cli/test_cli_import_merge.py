@@ -158,7 +158,7 @@ def test_a_station_whose_file_is_missing_is_played_as_captured_under_the_project
     (own,) = farm["devices"]
     assert (own["name"], own["ip"]) == ("valves", "10.7.0.41/24")
     assert own["gsdml"].startswith("GSDML-V2.35-pnfarm-valves-")
-    assert f"with {ISLAND}, of Example, it is played as line.aml has it" in comments(out)
+    assert f"with {ISLAND}, of Example, it would be as in line.aml" in comments(out)
     assert "valves: name: line.aml says valves, start.pcapng says island-1; valves is used" in result.err
     assert pnfarm("validate", out).code == 0
 

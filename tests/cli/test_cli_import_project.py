@@ -122,8 +122,8 @@ def test_a_drive_whose_file_is_not_at_hand_is_told_by_its_maker_s_name(pnfarm, t
     text = pnfarm("import", file).out
     (made,) = expand(parse_farm(text))
     assert (made.name, made.model, dict(made.identity)) == ("axis-1", "hiwin-e1", {})
-    assert "not at hand" in text.replace("\n  #  ", "")
-    assert "#   valve: GSDML-V2.3-FESTO-CPX-20200101.XML is not at hand; IP 10.7.0.12" in text
+    assert "was not found" in text.replace("\n  #  ", "")
+    assert "#   valve: GSDML-V2.3-FESTO-CPX-20200101.XML was not found; IP 10.7.0.12" in text
 
 
 def test_names_that_a_farm_file_cannot_have_are_changed_and_told(pnfarm, tmp_path):

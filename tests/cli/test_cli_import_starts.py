@@ -161,7 +161,7 @@ def test_fragments_that_overlap_are_not_believed(imported, frames):
     early = replace(parts[2], data=parts[2].data[:20] + parts[1].data[20:22] + parts[2].data[22:])
     damaged = [part for one in frames for part in ([parts[0], parts[1], early, *parts[3:]] if one is torn else [one])]
     result, groups, _ = imported(damaged)
-    assert "not whole" in result.err
+    assert "incomplete" in result.err
     assert len(groups) == 2
 
 
@@ -214,7 +214,7 @@ def test_a_project_among_several_files_is_refused_with_how_to_join_it(pnfarm, tm
     file, project = write_frames(tmp_path / "cell.pcapng", [(frames[0].data, 0)]), tmp_path / "cell.aml"
     project.write_text("<CAEXFile/>")
     refused = pnfarm("import", file, project)
-    assert (refused.code, "by --merge" in refused.err) == (2, True)
+    assert (refused.code, "with --merge" in refused.err) == (2, True)
 
 
 # -- restarts and changes ----------------------------------------------------------------------------------------------

@@ -65,7 +65,7 @@ def test_a_forced_signal_says_so_until_it_is_released(pnfarm, world):
     assert done.out == "island-1.part_present = true (force)\nisland-1.pressure = 6.5 bar (force)\n"
     done = pnfarm("io", "island-1.pressure=1")
     assert done.out == "island-1.pressure = 6.5 bar (force)\n"
-    assert done.err == "island-1.pressure: a force has it now; 1 waits behind it\n"
+    assert done.err == "island-1.pressure: a force has it now; 1 takes effect when that ends\n"
     assert pnfarm("io", "--release", "island-1.pressure").out == "island-1.pressure = 1 bar\n"
     assert list(world.signals.forced) == ["part_present"]
     assert pnfarm("io", "--release", "island-1").code == 0

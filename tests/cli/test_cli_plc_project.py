@@ -160,7 +160,7 @@ def test_a_station_that_cannot_be_as_the_project_says_is_not_run_and_the_others_
     assert refusals(file) == [
         "other-module is not run: slot 1: the file has no module 'DI99' there, which the project plugs",
         "other-head is not run: GSDML-V2.35-Example-Island-20261127.xml has no access point 'DAP 9'",
-        "no-file is not run: GSDML-V2.3-MAKER-AXIS-20200101.XML is not at hand",
+        "no-file is not run: GSDML-V2.3-MAKER-AXIS-20200101.XML was not found",
     ]
 
 
@@ -225,7 +225,7 @@ def test_a_module_without_a_connection_is_not_run(folder):
     ("arguments", "sentence"),
     [
         ((), "is required with --project"),
-        (("--interface", "eth9", "--device", "x"), "needs --gsdml alone"),
+        (("--interface", "eth9", "--device", "x"), "needs --gsdml and nothing else"),
         (("--interface", "eth9", "--plc", "PLC_9"), "the project has no PLC 'PLC_9'; its PLCs are 'PLC_1'"),
         (("--interface", "eth9", "--cycle", "3ms"), "3ms is not a PROFINET cycle"),
         (("--line", "host:99999"), "is not like HOST:PORT"),
@@ -243,7 +243,7 @@ def test_a_project_without_a_station_that_can_be_run_is_refused(pnfarm, tmp_path
     file = tmp_path / "line.aml"
     file.write_text(project(plc(), island("island-1", "10.7.0.41")))
     done = pnfarm("plc", "--project", file, "--interface", "eth9")
-    assert (done.code, f"{ISLAND} is not at hand" in done.err) == (2, True)
+    assert (done.code, f"{ISLAND} was not found" in done.err) == (2, True)
     assert "has no station to run" in done.err
 
 

@@ -145,7 +145,7 @@ def test_it_goes_to_positions_by_telegram_9(drive_folder):
     reaches(3.0)
     reaches(-2.5)
     fails_and_comes_back(line)
-    reaches(-2.5)  # the target at hand once more
+    reaches(-2.5)  # the present target once more
     reaches(3.0)
 
 

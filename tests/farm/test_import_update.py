@@ -159,10 +159,10 @@ def test_the_last_device_that_is_gone_takes_its_list_along():
 def test_a_station_that_cannot_be_made_now_is_kept():
     text = project(*CELL).text.replace("island-1\n", "island-1\n    limits: lax\n")
     without = [one for one in CELL if one.name not in {"island-1", "island-2"}]
-    now = project(*without, *(FoundStation(name, ("its file is not at hand",)) for name in ("Island 1", "island-2")))
+    now = project(*without, *(FoundStation(name, ("its file was not found",)) for name in ("Island 1", "island-2")))
     merged = merge(text, now)
     assert [group.name for group in readable(merged.text).devices] == ["island-1", "island-2"]
-    assert "island-1: kept; the project has it, but it cannot be made now: its file is not at hand" in merged.sentences
+    assert "island-1: kept; the project has it, but it cannot be made now: its file was not found" in merged.sentences
     again = update(merged.text, update(project(*CELL).text, project(*CELL).text, now).text, project(*CELL))
     assert again.text == text
 

@@ -149,7 +149,7 @@ def test_keys_of_fmus_are_refused_for_other_models():
         ),
         ('min="-100"', 'min="low"', "its modelDescription.xml is refused: min of variable 'u' is 'low'"),
         ('min="-100"', 'min="101"', "its modelDescription.xml is refused: the limits of variable 'u' leave no value"),
-        ('name="y"', 'name="u"', "its modelDescription.xml is refused: variable 'u' is there twice"),
+        ('name="y"', 'name="u"', "its modelDescription.xml is refused: variable 'u' appears twice"),
         ("<ModelStructure/>", "<a>" * 40 + "</a>" * 40, "its modelDescription.xml is refused: its elements are nested"),
     ],
 )

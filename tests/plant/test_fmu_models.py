@@ -249,7 +249,7 @@ def test_an_fmu_that_refuses_a_state_goes_on_with_its_own(make, bench):
     found["press"]["state"] = "AAAA"
     plant.fmus.check_states(found)
     [note] = plant.fmus.put_states(found, plant.now)
-    assert note.startswith("press: what is inside its FMU goes on: fmi2DeSerializeFMUstate failed")
+    assert note.startswith("press: the inner state of its FMU continues: fmi2DeSerializeFMUstate failed")
     plant.run(0.1)
     assert plant["press.count"] == 54
     assert plant.events == []
@@ -260,10 +260,10 @@ def test_an_fmu_that_has_failed_or_dies_meanwhile_is_a_sentence(make, bench):
     found, _ = plant.fmus.states(plant.now)
     os.kill(_pid(plant), signal.SIGKILL)
     [note] = plant.fmus.put_states(found, plant.now)
-    assert note == "press: what is inside its FMU goes on: it has failed: its process ended, SIGKILL"
+    assert note == "press: the inner state of its FMU continues: it has failed: its process ended, SIGKILL"
     assert plant.fmus.states(plant.now) == (
         {"press": None},
-        ["press: what is inside its FMU is not saved: it has failed"],
+        ["press: the inner state of its FMU is not saved: it has failed"],
     )
     assert [type(event) for event in plant.events] == [PlantModelFailed]
 
@@ -273,7 +273,7 @@ def test_a_save_in_real_time_does_not_wait_for_a_step_without_end(make, bench, m
     plant = _troubled(make, bench, "hang", at=0, in_real_time=True)
     found, notes = plant.fmus.states(plant.now)
     assert found == {"press": None}
-    assert notes == ["press: what is inside its FMU is not saved: it is in a step of more than 0.1 s"]
+    assert notes == ["press: the inner state of its FMU is not saved: it is in a step of more than 0.1 s"]
 
 
 CELL = """farm: cell
@@ -317,9 +317,9 @@ def test_a_farms_state_says_which_fmu_cannot_save_its_own(tank):
         line.plant.press.inflow = 1.0
         line.run(0.1)
         state, notes = _taken(line)
-        assert notes == ["press: what is inside its FMU is not saved: it cannot save its state"]
+        assert notes == ["press: the inner state of its FMU is not saved: it cannot save its state"]
         line.run(0.1)
-        assert _put(line, state) == ["press: what is inside its FMU goes on: it was not saved"]
+        assert _put(line, state) == ["press: the inner state of its FMU continues: it was not saved"]
         line.run(0.1)
         assert line.plant.press.level == pytest.approx(0.3, abs=0.02)
         with pytest.raises(ConfigError, match="a line with FMUs cannot go back to a moment: press cannot"):

@@ -181,7 +181,7 @@ class AuditLog:
     async def _carefully(
         self, record: dict[str, Any], late: Callable[[asyncio.Future[int]], None] | None = None
     ) -> int:
-        """Write a record, in a thread, as the disk may not answer; ``late`` hears of one that took too long."""
+        """Write a record, in a thread, as the disk may not answer; ``late`` is called with one that took too long."""
         until = anyio.current_time() + WAIT_SECONDS
         try:
             async with asyncio.timeout_at(until):

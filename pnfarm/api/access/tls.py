@@ -29,14 +29,14 @@ __all__ = ["ServerTls", "TlsDoor", "door_of"]
 #: From a connection to the end of its handshake.
 HANDSHAKE_SECONDS = 10.0
 #: Handshakes that are begun in a second, and at once after a quiet time: each costs the farm's event loop about as much
-#: as a request, and a stranger could ask for any number.
+#: as a request, and an unknown client could request any number.
 PER_SECOND, AT_ONCE = 200.0, 32
 #: For a client to say that it has seen the end.
 SHUTDOWN_SECONDS = 2.0
 #: Octets that wait for a client before the application does.
 WRITE_BUFFER = 65_536
 #: Octets that are decrypted at once, and held for each connection: the most that a record of TLS has.  asyncio's own is
-#: sixteen times as much, 64 MB for as many strangers as may be connected.
+#: sixteen times as much, 64 MB for as many unknown clients as may be connected.
 READ_BUFFER = 16_384
 #: Octets of a certificate's file, with the chain, and of a key's.
 MOST = 262_144
@@ -120,7 +120,7 @@ class ServerTls:
         if mark not in text:
             raise ConfigError(f"{path} holds no {what} in PEM")
         if what == "key" and b"ENCRYPTED" in text:
-            raise ConfigError(f"the key {path} has a passphrase, which nobody could type; give one without")
+            raise ConfigError(f"the key {path} has a passphrase, which the farm cannot ask for; give one without")
 
 
 def _tried(context: ssl.SSLContext, certificate: Path) -> tuple[tuple[str, ...], float]:

@@ -30,7 +30,7 @@ STALLED_NS = 1_000_000_000
 BACK_NS = 10_000_000_000
 #: An examination of the machine takes a second of its time, and holds for a while.
 FINDINGS_SECONDS = 60.0
-#: Stations whose readiness is made anew in one turn of the event loop.
+#: Stations whose readiness is made again in one turn of the event loop.
 AT_ONCE = 64
 
 

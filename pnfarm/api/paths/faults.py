@@ -160,7 +160,7 @@ class FaultsHost(Protocol):
         """One, also one that has ended recently."""
 
     async def renew(self, fault_id: str) -> Outcome:
-        """Begin its time to live anew."""
+        """Restart its time to live."""
 
     async def clear(self, fault_id: str) -> Outcome:
         """End it."""
@@ -242,7 +242,7 @@ def add_faults(path: Paths, host: Host, faults: FaultsHost) -> None:
 
     @path("POST faults/{fault_id}/renew", Fault, role=Role.INJECT)
     async def renew_fault(fault_id: str, request: Request) -> Json:
-        """Begin a fault's time to live (ttl) anew."""
+        """Restart a fault's time to live (ttl)."""
         # every few seconds, by a client whose fault has its entry
         changes_nothing(request)
         return _answer(await faults.renew(fault_id))

@@ -44,7 +44,7 @@ class WireView(Schema):
 class PlantView(Schema):
     step_seconds: float | None = Field(description="Null without a plant.")
     steps: int = Field(description="Steps so far.")
-    steps_left_out: int = Field(description="Steps that were due while the machine stood.")
+    steps_left_out: int = Field(description="Steps that were due while the machine stalled.")
     models: list[PlantModelView]
     wires: list[WireView]
 

@@ -90,7 +90,7 @@ class SignalState(Schema):
     good: bool = Field(description="Whether the provider status of its data is GOOD.")
     owner: Literal["controller", "fault", "force", "plant", "value", "default"] = Field(
         description="Whose value it is: an output is the controller's; of an input the strongest of a fault, a user's "
-        "force, and a value of a program or of this API; default: nobody has written it."
+        "force, and a value of a program or of this API; default: it was never written."
     )
     forced: bool | int | float | str | None = Field(
         description="The value of a user's force, which a fault may overrule; null without one."
@@ -121,7 +121,7 @@ class SignalsValues(Schema):
 
 class SignalsAnswer(SignalsValues):
     overruled: dict[str, Literal["fault", "force"]] = Field(
-        description="Signals of the request that somebody stronger has now: what was written waits behind it."
+        description="Signals of the request that a stronger owner has now; the written value takes effect after that."
     )
 
 

@@ -58,7 +58,7 @@ def found_device(
         if len(text) > octets:
             raise ConfigError("the devices of the capture are more than a farm takes")
     except ConfigError as exc:
-        told = f"no device of a farm can play it: {exc}"
+        told = f"no device of a farm can accept it: {exc}"
         return FoundStation(name, (told, *device.notes, *facts), keys=address, said=_said(seen, device, connections))
     keys = {**address, **keys}
     notes = [

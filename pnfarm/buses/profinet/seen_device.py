@@ -120,7 +120,7 @@ def _plug(device: SeenDevice, expected: ExpectedApi, real: DiffModule | None, no
     if real is not None and wrong and _stands_in(real):
         notes.append(
             f"slot {slot}: the device had module 0x{real.module_ident:08X} as a substitute for 0x{ident:08X}; "
-            "the farm's has the one that was asked for, the fault module-wrong with `substitute` plays the other"
+            "the farm's has the one that was asked for, the fault module-wrong with `substitute` plugs the other"
         )
     elif real is not None and wrong:
         notes.append(f"slot {slot}: module 0x{real.module_ident:08X} was there in place of 0x{ident:08X}")

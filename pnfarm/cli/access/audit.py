@@ -42,7 +42,7 @@ def check(
     found = check_audit(*files, noted=noted)
     wrong = list(found.wrong)
     if noted is not None and not found.is_noted:
-        wrong.append(f"no line has the digest {noted}: the file was shortened or written anew")
+        wrong.append(f"no line has the digest {noted}: the file was shortened or rewritten")
     if output is Format.JSON:
         print_json({**dataclasses.asdict(found), "wrong": wrong, "ok": not wrong})
         return 1 if wrong else 0

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["DecodeFormat", "decode"]
 
 
-#: Stations that are told apart, and stations that an error message lists.
+#: Stations that are distinguished, and stations that an error message lists.
 _MOST_STATIONS, _NAMED = 65_536, 8
 
 

@@ -195,7 +195,7 @@ def _check_options(output: Path | None, *, force: bool, update: bool, dry_run: b
 
 
 def _wrote(made: WrittenFarm, farm: Path, source: str, *, force: bool, into: bool, dry_run: bool) -> bool:
-    """Write the farm file and what belongs to it, or show the difference; whether the file was made anew."""
+    """Write the farm file and what belongs to it, or show the difference; whether the file was made again."""
     from pnfarm.farm.file.imported import plan_import
     from pnfarm.vocabulary.whole_files import write_whole
 

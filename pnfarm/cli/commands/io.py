@@ -143,7 +143,7 @@ def _write(farm: FarmClient, station: str, values: Mapping[str, str | None], how
     except ConfigError as exc:
         raise ConfigError(f"{station}: {exc}") from exc
     for signal, owner in answer["overruled"].items():
-        typer.echo(f"{station}.{signal}: a {owner} has it now; {values[signal]} waits behind it", err=True)
+        typer.echo(f"{station}.{signal}: a {owner} has it now; {values[signal]} takes effect when that ends", err=True)
 
 
 def _read(farm: FarmClient, wanted: Sequence[_Wanted]) -> dict[str, dict[str, Any]]:

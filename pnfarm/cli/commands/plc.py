@@ -139,7 +139,7 @@ def plc(
             config = read(file)
         elif project is not None:
             if any(of_device):
-                raise typer.BadParameter("needs --gsdml alone", param_hint="--device, --dap, --module")
+                raise typer.BadParameter("needs --gsdml and nothing else", param_hint="--device, --dap, --module")
             if interface is None and line is None:
                 raise typer.BadParameter("is required with --project", param_hint="--interface or --line")
             found = files.enter_context(

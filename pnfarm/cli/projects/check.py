@@ -1,4 +1,4 @@
-"""``pnfarm doctor FILE --project``: what the project of a PLC expects beside what a farm file plays."""
+"""``pnfarm doctor FILE --project``: what the project of a PLC expects beside what a farm file has."""
 
 from __future__ import annotations
 
@@ -100,10 +100,10 @@ def _line(config: FarmConfig, own: Sequence[FileStation], check: StationCheck) -
 def _finding(project: Path, bus: CheckingBus, check: StationCheck, line: int, doubts: Sequence[str]) -> Finding:
     match check.state:
         case "missing":
-            detail = "the project has it, and the farm does not play it"
+            detail = "the project has it, and the farm does not have it"
             return Finding(check.name, False, detail, f"pnfarm import {project} prints its group", keeps_red=True)
         case "extra":
-            return Finding(check.name, None, "no PLC of the project has it: nobody connects to it", line=line)
+            return Finding(check.name, None, "no PLC of the project has it: no PLC connects to it", line=line)
         case _:
             pass
     # who is found by name gets its address from the controller
@@ -116,7 +116,7 @@ def _finding(project: Path, bus: CheckingBus, check: StationCheck, line: int, do
         return Finding(check.name, False, text, remedy, line, keeps_red=True)
     doubts = [*doubts, *check.remarks]
     if doubts:
-        return Finding(check.name, None, f"cannot be said: {'; '.join(doubts)}", line=line)
+        return Finding(check.name, None, f"not checked: {'; '.join(doubts)}", line=line)
     moved = [one for one in check.differences if one.kind == "address"]
     address = f"; the PLC gives it {moved[0].expected}" if moved else ""
     return Finding(check.name, True, f"will be green: what the PLC compares is as in the project{address}", line=line)
@@ -127,4 +127,4 @@ def _unjudged(unknown: dict[str, FoundStation], played: set[str]) -> Iterator[Fi
         if one.missing or name in played:
             needed = f"{one.missing} is missing" if one.missing else one.facts[0] if one.facts else "it has no type"
             remedy = "--gsdml FOLDER with that file" if one.missing else ""
-            yield Finding(name, None, f"cannot be said: {needed}", remedy)
+            yield Finding(name, None, f"not checked: {needed}", remedy)

@@ -51,7 +51,7 @@ def read_inputs(
     projects = [file for file in (*files, *others) if is_project_file(file)]
     captures = [file for file in (*files, *others) if file not in projects]
     if len(files) > 1 and any(file in projects for file in files):
-        raise ConfigError(f"{projects[0]} is a project: give it alone, and what is to be joined with it by --merge")
+        raise ConfigError(f"{projects[0]} is a project: give only this file, and further ones with --merge")
     if projects and not captures and not models:
         raise ConfigError("--devices is for captures: a project says too little of a station's data")
     remarks: list[str] = []
@@ -102,7 +102,5 @@ def _of_captures(files: Sequence[Path], remarks: list[str], *, models: bool) -> 
         if reader.complaint is not None:
             remarks.append(f"{file}: the file cannot be read to its end: {reader.complaint}")
     if torn := decoder.capture.incomplete:
-        remarks.append(
-            f"{files[0]}: not whole: {counted(torn, 'fragmented IP packet')}; what was said in them is missing"
-        )
+        remarks.append(f"{files[0]}: incomplete: {counted(torn, 'fragmented IP packet')}; their contents are missing")
     return {key: list(bus.found(decoder.buses[key], models=models)) for key, bus in importing_buses.items()}

@@ -1,7 +1,7 @@
 """The farm file that ``plc --project`` makes of an engineering project: the built-in controllers and their devices.
 
-What the project's PLC expects of its stations is read anew, not taken from the farm that ``import`` makes: each station
-by its maker's file, with the modules of the project, and none as a drive of a model.
+What the project's PLC expects is read from the project again, not taken from the farm that ``import`` makes: each
+station by its maker's file, with the modules of the project, and none as a drive of a model.
 """
 
 from __future__ import annotations

@@ -296,5 +296,5 @@ def _tshark() -> Finding:
     if path:
         return Finding("tshark", True, path)
     return Finding(
-        "tshark", None, "not installed; only some tests and captures by hand want it", "sudo apt-get install tshark"
+        "tshark", None, "not installed; only some tests and captures by hand need it", "sudo apt-get install tshark"
     )

@@ -1,7 +1,7 @@
 """A farm file of what was found in a capture or a project: one that can be read, whatever was found.
 
 The file is made, read as any other, and made again without what its reader refuses, until it is taken.  What was left
-out is in the comments of its drive or device, and one that cannot be played at all is listed beside the other stations.
+out is in the comments of its drive or device, and one that cannot be made at all is listed beside the other stations.
 Description files of devices are beside the farm file; while it is checked, they are in a folder of their own.
 """
 

@@ -43,7 +43,7 @@ KEPT = 16
 #: The last phase of a start-up, and those before a connection is asked for.
 DATA = "data"
 BEFORE = ("identify", "address")
-#: A controller that looks for a drive this long after it was given an address begins anew.
+#: A controller that looks for a drive this long after it was given an address starts again.
 ANEW_NS = 10_000_000_000
 INJECTIONS = 64
 

@@ -1,6 +1,6 @@
 """All drives of a farm at a glance, for views that are refreshed ten times a second.
 
-What moves (:data:`VALUES`) is read from the table for all drives at once; the rest of a drive is a row, made anew when
+What moves (:data:`VALUES`) is read from the table for all drives at once; the rest of a drive is a row, made again when
 something happens to it, and in turn.  Each change has a number: who knows the number that it saw last gets what changed
 since, so that a viewer costs no memory here, and several that are equally up to date share one text.
 """
@@ -29,9 +29,9 @@ __all__ = ["VALUES", "Overview", "injected_kinds"]
 
 #: A sample this young is good for another viewer.
 SHARED_NS = 50_000_000
-#: Each row is made anew after so many samples at the latest: not all that it shows has an event.
+#: Each row is made again after so many samples at the latest: not all that it shows has an event.
 ROUNDS = 40
-#: Rows made anew in one sample.
+#: Rows made again in one sample.
 MOST_ROWS = 64
 #: Largest whole number that a script of a page has exactly.
 LARGEST = 2**53 - 1
@@ -71,7 +71,7 @@ class Overview:
         self._changed = {name: np.zeros(count, np.int64) for name in VALUES}
         self._rows: list[dict[str, Any]] = [{} for _ in range(count)]
         self._row_changed = np.zeros(count, np.int64)
-        #: Rows to make anew, the oldest wish first; all of them at the beginning.
+        #: Rows to make again, the oldest wish first; all of them at the beginning.
         self._wanted: dict[int, None] = dict.fromkeys(range(count))
         self._next = 0
         self._engine: dict[str, Any] = {}

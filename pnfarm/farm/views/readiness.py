@@ -1,6 +1,6 @@
 """What each controller has found, configured and refused, and the line of the farm file to change: plain JSON values.
 
-What is known of a station is made anew when something happened to it, so that a view of thousands costs little.  Times
+What is known of a station is made again when something happened to it, so that a view of thousands costs little.  Times
 are seconds of the farm's clock.
 """
 
@@ -50,7 +50,7 @@ class Readiness:
         self._nearest: dict[str, str] = {}
 
     def update(self, most: int) -> bool:
-        """Make at most so many stations anew; whether all are as they are now."""
+        """Make at most this many stations again; whether all are as they are now."""
         for station in self._core.stations:
             seen = station.visits.revision, station.powered, station.device.name
             known = self._known.get(station.configured_name)

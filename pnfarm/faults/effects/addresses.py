@@ -3,7 +3,7 @@
 A drive with another address is another network adapter: it goes off, its port gets the address, it boots.  In memory
 the port changes at once.  Elsewhere a task of the running event loop asks the link, which takes milliseconds, and the
 farm's runtime calls :meth:`Addresses.handle_timeout` until it is done, also when the injection has ended meanwhile.
-The interfaces of a farm that is killed are made anew, with the addresses of the farm file, by the next start.
+The interfaces of a farm that is killed are made again, with the addresses of the farm file, by the next start.
 """
 
 from __future__ import annotations

@@ -154,7 +154,7 @@ class ChanceEffect(Effect):
         return self._count is not None and self.tally.seen.activations >= self._count
 
     def happens(self) -> bool:
-        """Whether the occurrence at hand happens."""
+        """Whether the present occurrence happens."""
         return not self.exhausted and self._random.uniform() < self._probability
 
     def occurs(self, now: int) -> bool:

@@ -44,7 +44,7 @@ class ConnectRequests(DrivePart, ABC):
     def refusal(self, values: Mapping[str, Any]) -> Any:
         """What refuses a request, by the parameters that a bus gives to ``connect-refuse``.
 
-        Raises :class:`~pnfarm.faults.errors.InjectionError` for what cannot be said.
+        Raises :class:`~pnfarm.faults.errors.InjectionError` for what cannot be expressed.
         """
 
 
@@ -69,7 +69,7 @@ class ParameterAccess(DrivePart, ABC):
     def error(self, values: Mapping[str, Any], given: Callable[[], None]) -> Any:
         """An error by the parameters that a bus gives to ``record-error``; ``given()`` is called for each use.
 
-        Raises :class:`~pnfarm.faults.errors.InjectionError` for what cannot be said.
+        Raises :class:`~pnfarm.faults.errors.InjectionError` for what cannot be expressed.
         """
 
     @abstractmethod

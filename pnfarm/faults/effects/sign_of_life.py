@@ -34,7 +34,9 @@ class SignOfLife(DrivePart):
         """Raises :class:`ConfigError` where there is no sign of life: in the drive, or in its present telegram."""
         name = self._axis.configured_name
         if self._axis.number:
-            raise ConfigError(f"{name} is not the first axis of its station, whose sign of life alone can be changed")
+            raise ConfigError(
+                f"{name} is not the first axis of its station: only that one's sign of life can be changed"
+            )
         if not self._axis.handle.axis.life.settings.watched:
             raise ConfigError(
                 f"{name} ({self._axis.model.name}) has no sign of life: as it is set up, it neither sends nor "

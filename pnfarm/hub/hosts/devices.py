@@ -54,7 +54,7 @@ class HubDevices(Passing):
         self.add(app, farm)
 
     async def write(self, name: str, values: Mapping[str, Any], *, how: str = "value") -> dict[str, str]:
-        """Write or force (``how``) signals of a device; those that somebody stronger has, and who.
+        """Write or force (``how``) signals of a device; those that a stronger owner has, and which.
 
         Raises :class:`ConfigError` with the shard's refusal, or :class:`pnfarm.hub.shards.AwayError`.
         """

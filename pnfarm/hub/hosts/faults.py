@@ -206,7 +206,7 @@ class HubFaults:
                 raise InjectionError([("on", f"{one['drive']}: {one['why']}", "")])
 
     async def renew(self, fault_id: str) -> Outcome:
-        """Begin its time to live anew on each shard."""
+        """Restart its time to live on each shard."""
         return await self._each(fault_id, "POST", "/renew")
 
     async def clear(self, fault_id: str) -> Outcome:

@@ -211,7 +211,7 @@ class _Reader:
         if len(self._variables) >= MAX_VARIABLES:
             raise FmuFileError(f"it has more than {MAX_VARIABLES} inputs, outputs and parameters")
         if not name or name in self._variables:
-            raise _XmlError(f"variable {shown(name)} is there twice" if name else "a variable has no name")
+            raise _XmlError(f"variable {shown(name)} appears twice" if name else "a variable has no name")
         self._variables[name] = (element, attributes)
 
     def found(self) -> FmuDescription:

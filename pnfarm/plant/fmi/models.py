@@ -219,7 +219,7 @@ class FmuModels:
                 try:
                     octets = self._asked(fmu, SAVE, now)
                 except FmuRefusal as refusal:
-                    sentences.append(f"{fmu.name}: what is inside its FMU is not saved: {refusal}")
+                    sentences.append(f"{fmu.name}: the inner state of its FMU is not saved: {refusal}")
                     continue
                 found[fmu.name] = {
                     "token": fmu.what.description.token,
@@ -258,7 +258,7 @@ class FmuModels:
                         raise FmuRefusal("it was not saved")
                     self._asked(fmu, RESTORE + (_octets_of(one["state"]) or b""), now)
                 except FmuRefusal as refusal:
-                    sentences.append(f"{fmu.name}: what is inside its FMU goes on: {refusal}")
+                    sentences.append(f"{fmu.name}: the inner state of its FMU continues: {refusal}")
                     continue
                 fmu.time_ns, fmu.behind_ns = one["time_ns"], 0
                 fmu.due_ns = fmu.wanted_ns = now + one["remaining_ns"]

@@ -107,7 +107,7 @@ class MessageRouter:
     def add(self, one: CipObject) -> None:
         """Raises :class:`ValueError` for a class that is there already."""
         if one.class_id in self._objects:
-            raise ValueError(f"class 0x{one.class_id:02X} is there twice")
+            raise ValueError(f"class 0x{one.class_id:02X} appears twice")
         self._objects[one.class_id] = one
 
     def add_origin_services(self, class_id: int, services: OriginServices) -> None:

@@ -337,12 +337,12 @@ STEPS: Mapping[str, StepKind] = {
     ),
     "expect": StepKind(
         "A check, and a test case in the report: of drives (`drive`, `that`), of devices (`that: island-1.valve`) or "
-        "of a metric.  `within`: it comes true on each drive in this time.  `for`: it then stays true this long; of a "
-        "metric, the period that is measured.",
+        "of a metric.  `within`: it becomes true on each drive in this time.  `for`: it then stays true this long; of "
+        "a metric, the period that is measured.",
         {
             "drive": _drives_key("Drives; left out where the condition is about signals of devices alone"),
             "that": Key(_condition, "The condition."),
-            "within": _duration_key("It comes true in this time; left out, it is true at once."),
+            "within": _duration_key("It becomes true in this time; left out, it is true at once."),
             "for": _duration_key("It stays true, or the metric is measured, for this long."),
             "metric": Key(read_metric_name, 'A metric, with labels in braces if wanted: {drive="axis-01"}.'),
             "increases": Key(read_bound, "By how much it increases: 0, '>= 1'.", _BOUND_JSON),

@@ -58,7 +58,7 @@ class Kind(Protocol):
     objects: Sequence[CipObject]
 
     def build(self) -> None:
-        """The station was powered on: its objects begin anew."""
+        """The station was powered on: its objects start again."""
 
     def identity(self, serial: int) -> IdentityData:
         """What the Identity object says."""

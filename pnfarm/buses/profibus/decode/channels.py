@@ -64,7 +64,7 @@ class Cyclic:
                     self._bits[name] = found
 
     def begin(self) -> None:
-        """The slave was parametrised anew: its next telegrams are first ones."""
+        """The slave was parametrised again: its next telegrams are first ones."""
         for channel in (self.outputs, self.inputs):
             channel.begun = False
 

@@ -22,7 +22,7 @@ MOST_RECORDS: Final = 1024
 
 
 class DescribedUser(Meddling):
-    """See :class:`pnfarm.protocols.profibus.slave_user.SlaveUser`.  Made anew at each power-on.
+    """See :class:`pnfarm.protocols.profibus.slave_user.SlaveUser`.  Made again at each power-on.
 
     A written record is kept and read back until power-off; one that nobody wrote is refused with "invalid index", and
     a slot without a module with "invalid slot" (assumed: a GSD file does not describe records).

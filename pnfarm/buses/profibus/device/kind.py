@@ -27,7 +27,7 @@ class Meddling:
     """What injections do to a user; both kinds of users have it.
 
     ``error`` refuses records, with ``given`` called for each; ``withhold`` holds answers of a client back, and ``gone``
-    hears of a client that waits for none any more.
+    is notified when a client stops waiting.
     """
 
     def __init__(self) -> None:

@@ -29,7 +29,7 @@ PARAMETERS: Final = 47
 
 
 class DriveUser(Meddling):
-    """See :class:`pnfarm.protocols.profibus.slave_user.SlaveUser`.  Made anew at each power-on.
+    """See :class:`pnfarm.protocols.profibus.slave_user.SlaveUser`.  Made again at each power-on.
 
     ``latency`` gives the time of the next request for parameters, ns.
     """

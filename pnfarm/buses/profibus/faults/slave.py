@@ -62,7 +62,7 @@ class SlavePart(DrivePart):
         ident = known["ident"][-1] if known["ident"] else self._ident
         if slave.options.ident != ident:
             slave.options.ident = ident
-            # a slave cannot change its number in data exchange: it starts anew
+            # a slave cannot change its number in data exchange: it starts again
             slave.leave(now)
         slave.refuse_configuration = bool(known["configuration"])
         # also before the first Data_Exchange: no Chk_Cfg would come that could be refused

@@ -51,7 +51,7 @@ def _slave(device: CaexElement, folders: DescriptionFolders, base: Path) -> Foun
     if address is None:
         return refused(f"it has no station address from 0 to {HIGHEST_ADDRESS}")
     if (file := folders.named(name)) is None:
-        return refused(f"{name} is not at hand", name)
+        return refused(f"{name} was not found", name)
     try:
         gsd = read_gsd(file.octets(LONGEST), file.name)
     except ConfigError as exc:

@@ -67,7 +67,7 @@ def _station(device: CaexElement, project: ProjectView, folders: DescriptionFold
     name = type_of(head).file
     file = folders.named(name)
     if file is None:
-        return FoundStation(device.name, (f"{name} is not at hand", *own), LINE, name, keys, said)
+        return FoundStation(device.name, (f"{name} was not found", *own), LINE, name, keys, said)
     try:
         gsd = read_gsd(file.octets(LONGEST), file.name)
     except ConfigError as exc:

@@ -33,7 +33,7 @@ SEARCH_NS = 500_000_000
 #: More drives than this, searched for at once, make a roll call, unless they are a small part of all.
 ROLL_CALL = 16
 SMALL_PART = 1 / 8
-#: Stations of one name that are told; whoever makes up further ones fills no log.
+#: Stations of one name that are logged; further ones cannot fill the log.
 MOST_TOLD = 8
 #: Answers to a roll call that come within 10 ms (the unit of DCP's response delay).
 ROLL_CALL_BURST = 16

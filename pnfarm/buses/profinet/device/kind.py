@@ -1,7 +1,7 @@
 """What stands behind a PROFINET device: a drive with its axes, or a station that a maker's file describes.
 
 Below this interface nothing knows which.  A kind gives the device its description, its own records and its part of the
-cyclic frames, and hears of what concerns these.
+cyclic frames, and is notified of what concerns these.
 """
 
 from __future__ import annotations

@@ -63,11 +63,11 @@ def _said(device: CaexElement, document: Gsdml, telegrams: Iterable[int]) -> Sai
 
 
 def drive_by_name(device: CaexElement, file: str) -> FoundDrive | None:
-    """By the maker's name in that of a file which is not at hand: ``GSDML-V2.3-MAKER-family-date.xml``."""
+    """By the maker's name in that of a file that was not found: ``GSDML-V2.3-MAKER-family-date.xml``."""
     words = re.split(r"[^a-z0-9]+", file.lower())
     for entry in models().values():
         if entry.bus == "profinet" and entry.maker.split()[0].lower() in words:
-            notes = [f"chosen by its maker's name: {file} is not at hand, so that the idents are the model's own"]
+            notes = [f"chosen by its maker's name: {file} was not found, so that the idents are the model's own"]
             keys = address_keys(device)
             number = _telegram_by_name(device, model(entry.name), notes)
             if number is not None:
@@ -160,7 +160,7 @@ def _telegram(
 
 
 def _telegram_by_name(device: CaexElement, drive_model: Model, notes: list[str]) -> int | None:
-    """The same where the description file is not at hand: by a number in a module's name."""
+    """The same where the description file was not found: by a number in a module's name."""
     for module, _ in _modules(device):
         known = [number for number in numbers_in(module.name) if number in drive_model.profidrive.telegrams]
         if len(known) == 1:

@@ -37,7 +37,7 @@ def is_of_version(version: str, *texts: str) -> bool:
 
 
 class UndescribedError(ConfigError):
-    """No file at hand describes a device; ``missing`` is the one that would do, with its maker."""
+    """No file that was found describes a device; ``missing`` is the one that would do, with its maker."""
 
     def __init__(self, why: str, missing: str) -> None:
         super().__init__(why)
@@ -74,7 +74,7 @@ class GsdmlFiles:
             return self._ordered(kind.order_number, kind.version)
         file, missing = self._folders.named(kind.file), with_maker(kind.file)
         if file is None:
-            raise UndescribedError(f"{kind.file} is not at hand", missing)
+            raise UndescribedError(f"{kind.file} was not found", missing)
         try:
             document = self._document(file)
         except ConfigError as exc:
@@ -114,7 +114,9 @@ class GsdmlFiles:
                 first = first or FileOfHead(file, document, dap, remark)
         if first is None:
             named = f"{order_number} {version}".strip()
-            raise UndescribedError(f"no GSDML file at hand has {named}", f"a GSDML file with {named}, of Siemens")
+            raise UndescribedError(
+                f"no GSDML file that was found has {named}", f"a GSDML file with {named}, of Siemens"
+            )
         return first
 
     @cached_property

@@ -202,7 +202,7 @@ class _SheetReader:
             try:
                 found.append(self._connection(entry))
             except DecodeError as exc:
-                # another connection of the file may do; the user hears of it where this one is asked for
+                # another connection of the file may do; the user gets the reason when this one is asked for
                 unusable[entry.keyword.casefold()] = exc.detail or exc.reason
             self._check_bound(entry)
         return found, unusable

@@ -9,7 +9,7 @@ versions have counts like any other: makers use them.
 Facts: PI's schemas V2.35 and V2.44 (what they require, their defaults, and what they keep for files of older
 versions), and sixty files of seventeen makers, V1.0 to V2.44: ``since`` is the first version whose files have the
 attribute, or the one that its place in the schema's order suggests, and ``required`` the first one from which on every
-file has it, where the schemas require it.  No schema of another version was at hand (assumed: V2.45, of which the
+file has it, where the schemas require it.  No schema of another version was available (assumed: V2.45, of which the
 access points of one file were seen, asks for nothing more).
 """
 

@@ -130,7 +130,7 @@ class RpcServerConfig:
     means unknown and is never compared.  ``reply_ns``: how long an answer is kept for a client that asks again.
     ``idle_ns``: how long the number of the last call is remembered after that.  ``stale_ns``: how long after the last
     sign of an activity an older sequence number counts as a late duplicate; afterwards it counts as a client that
-    began anew.  The times that C706 has no value for are this implementation's.
+    started again.  The times that C706 has no value for are this implementation's.
     """
 
     interfaces: tuple[Interface, ...] = (Interface(UUID_PNIO_DEVICE),)

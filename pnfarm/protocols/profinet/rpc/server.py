@@ -494,7 +494,7 @@ class RpcServer:
     # cancelling: with a body a cl_cancel asks the application to end the call, without one it orphans the call
 
     def _do_cancel(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
-        """The application may still answer; it hears of the cancel once, even if that is repeated."""
+        """The application may still answer; it is notified of the cancel once, even if that is repeated."""
         if self._acknowledge_cancel(activity, pdu, accepting=True) and not activity.cancelled:
             activity.cancelled = True
             self._events.append(CallCancelled(activity.call, activity.peer))

@@ -66,7 +66,7 @@ KIND = InjectionKind(
     },
     takes=HELD,
     place=74,
-    wire="Identity object and ListIdentity say something else; Forward_Open with a key that does not fit is refused "
+    wire="Identity object and ListIdentity have other values; Forward_Open with a key that does not fit is refused "
     "with 0x01 and 0x0114, 0x0115 or 0x0116.",
     reports="A running connection stays. A new one: Logix: module fault 16#0114 to 16#0116, electronic keying "
     "mismatch, unless keying is disabled; CODESYS: the adapter is not found as configured (assumed).",

@@ -341,7 +341,7 @@ def _check_expected(request: ConnectRequest) -> None:
             refuse(ExpectedField.NUMBER_OF_SUBMODULES, f"slot {entry.slot}: NumberOfSubmodules is 0")
         for subslot, count in Counter(s.subslot for s in entry.submodules).items():
             if count > 1:
-                refuse(ExpectedField.SUBSLOT, f"slot {entry.slot}: subslot 0x{subslot:04X} is there twice")
+                refuse(ExpectedField.SUBSLOT, f"slot {entry.slot}: subslot 0x{subslot:04X} appears twice")
         for sub in entry.submodules:
             _check_submodule(entry.api, sub)
 

@@ -93,8 +93,8 @@ class CmDevice:
 
     ``station_name`` may change while the machine lives.  ``refuse_connect``, when set, is called for every
     acceptable Connect and returns a PNIOStatus to refuse it with, or None; ``has_room`` returns whether its CRs
-    can be opened; ``moved`` is called when something was pulled or plugged, before a controller is told.  Changes of
-    ``diagnosis`` are reported by alarms and in the ModuleDiffBlock.
+    can be opened; ``moved`` is called when something was pulled or plugged, before a controller is notified.  Changes
+    of ``diagnosis`` are reported by alarms and in the ModuleDiffBlock.
     """
 
     def __init__(
@@ -290,7 +290,7 @@ class CmDevice:
             self.abort(ar.key, reason, now)
 
     def supply_gone(self) -> None:
-        """No AR is left, and nobody is told."""
+        """No AR is left, and no controller is notified."""
         self._ars.clear()
         self._deadlines.clear()
 

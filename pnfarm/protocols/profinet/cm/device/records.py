@@ -107,7 +107,7 @@ def _write_contents(
 ) -> tuple[RecordError | None, list[RecordWritten | RecordRefused]]:
     """Write each record of a container; one that fails does not stop the others, the first failure is the answer.
 
-    Assumed: no source at hand gives the result of a container of which one record is refused.
+    Assumed: no available source gives the result of a container of which one record is refused.
     """
     failed: RecordError | None = None
     written = []

@@ -78,7 +78,7 @@ def _entry(item: DiagnosisItem, api: int, texts: DiagnosisTexts | None) -> str:
 def item_in_words(item: AlarmItem, api: int = 0, texts: DiagnosisTexts | None = None) -> str:
     """E.g. ``remote mismatch: no peer detected (maintenance demanded, appears)``; octets where nothing is known.
 
-    ``texts`` are the device's own, where its description is at hand.
+    ``texts`` are the device's own, if its description is available.
     """
     if item.usi not in _KNOWN:
         own = texts.unit(api, item.usi, item.data) if texts is not None else ""
