@@ -26,7 +26,7 @@ class TcpRefuse(Effect):
 KIND = InjectionKind(
     "tcp-refuse",
     "connection",
-    "The drive does not listen any more: new TCP connections are refused; existing ones continue.",
+    "The drive stops listening: new TCP connections are refused; existing ones continue.",
     "closing the listener",
     TcpRefuse,
     takes=HELD,
