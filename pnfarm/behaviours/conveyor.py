@@ -102,7 +102,7 @@ CONVEYOR = Behaviour(
         bit("run", "its own motor runs"),
         bit("feed", "a rising edge puts a part on its begin"),
         bit("take", "a rising edge takes the furthest part away"),
-        bit("jam", "1 = the parts stand, the belt slips below them"),
+        bit("jam", "1 = the parts do not move, the belt slips below them"),
     ),
     outputs=(
         *(bit(f"at_{i}", f"a part is before light barrier {i}") for i in range(1, SENSORS + 1)),

@@ -63,7 +63,7 @@ CYLINDER = Behaviour(
         bit("retracted", "sensor of the retracted end"),
     ),
     parameters=(
-        choice("valve", "what it does without an order", "monostable", "bistable", "centre"),
+        choice("valve", "its behaviour without a command", "monostable", "bistable", "centre"),
         duration("time", "from one end to the other"),
         duration("time_in", "the way back, if it takes another time", default=-1.0),
         quantity("end", "part of the stroke in which an end's sensor is on", default=0.0, low=0.0, high=0.5),

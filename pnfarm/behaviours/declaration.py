@@ -7,7 +7,7 @@
         "A lamp.",
         "lit = on",
         inputs=(bit("on", "the PLC's output"),),
-        outputs=(bit("lit", "light is seen"),),
+        outputs=(bit("lit", "it is on"),),
         parameters=(duration("rise", "from on to lit", default=0.0),),
         state=1,
         step=step_lamp,

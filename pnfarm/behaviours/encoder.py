@@ -38,7 +38,7 @@ ENCODER = Behaviour(
     ),
     parameters=(
         quantity("lines", "lines of a revolution", default=1024.0, low=1.0, high=1e9),
-        quantity("limit", "the count begins at 0 again there, 0 = never", default=0.0, low=0.0),
+        quantity("limit", "number at which the count wraps to 0, 0 = never", default=0.0, low=0.0),
     ),
     state=0,
     step=step_encoder,

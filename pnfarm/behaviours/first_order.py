@@ -35,7 +35,7 @@ FIRST_ORDER = Behaviour(
     outputs=(number("value", "the temperature, the pressure"),),
     parameters=(
         quantity("gain", "final value for an input of 1, above rest", default=1.0),
-        duration("time_constant", "after it 63 % of a change is there"),
+        duration("time_constant", "time until 63 % of a change is reached"),
         quantity("rest", "final value without input", default=0.0),
         quantity("start", "value at the start", default=0.0),
     ),

@@ -33,14 +33,14 @@ MOTOR_STARTER = Behaviour(
     "A contactor or motor starter with a feedback contact and an overload relay.",
     "running = run and not tripped, after time_on or time_off",
     inputs=(
-        bit("run", "the PLC's order"),
+        bit("run", "the PLC's command"),
         bit("trip", "1 = the overload relay trips"),
         bit("reset", "1 = it is reset"),
     ),
     outputs=(bit("running", "feedback contact"), bit("tripped", "the overload relay has tripped")),
     parameters=(
-        duration("time_on", "from the order to the feedback", default=0.05),
-        duration("time_off", "from the end of the order to the feedback's", default=0.05),
+        duration("time_on", "from the command to the feedback", default=0.05),
+        duration("time_off", "from the end of the command to that of the feedback", default=0.05),
     ),
     state=2,
     step=step_motor_starter,

@@ -56,7 +56,7 @@ POSITION_SENSOR = Behaviour(
     "on = from <= position <= to; off again hysteresis beyond it; each change after its delay",
     inputs=(
         number("position", "what passes the sensor"),
-        bit("blocked", "1 = something else is before it"),
+        bit("blocked", "1 = another object is before the sensor"),
     ),
     outputs=(bit("on", "the sensor's output"),),
     parameters=(
@@ -66,7 +66,7 @@ POSITION_SENSOR = Behaviour(
         quantity("hysteresis", "how far beyond the range it stays on", default=0.0, low=0.0),
         duration("delay_on", "from entering to on", default=0.0),
         duration("delay_off", "from leaving to off", default=0.0),
-        duration("bounce", "for so long the output changes in each step", default=0.0),
+        duration("bounce", "time for which the output changes in each step", default=0.0),
     ),
     state=2,
     step=step_position_sensor,

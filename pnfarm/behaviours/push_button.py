@@ -29,9 +29,9 @@ PUSH_BUTTON = Behaviour(
     "push-button",
     "A push-button, a key switch or an emergency stop that a user or a scenario presses.",
     "on = press, or changes with each press; off = not on",
-    inputs=(bit("press", "a finger"),),
+    inputs=(bit("press", "it is pressed"),),
     outputs=(bit("on", "make contact"), bit("off", "break contact, as emergency stops have it")),
-    parameters=(choice("action", "whether it stays", "momentary", "latching"),),
+    parameters=(choice("action", "whether it stays on when released", "momentary", "latching"),),
     state=1,
     step=step_push_button,
 )

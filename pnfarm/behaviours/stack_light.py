@@ -45,10 +45,10 @@ _COLOURS = ("red", "yellow", "green", "blue", "buzzer")
 
 LAMP = Behaviour(
     "lamp",
-    "A lamp that a scenario looks at.",
+    "A lamp for expectations of a scenario.",
     "lit = on; flashing = changed twice within the time",
     inputs=(bit("on", "the PLC's output"),),
-    outputs=(bit("lit", "light is seen"), bit("flashing", "it flashes")),
+    outputs=(bit("lit", "it is on"), bit("flashing", "it flashes")),
     parameters=(_WITHIN,),
     state=3,
     step=step_lamp,

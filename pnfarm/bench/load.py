@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["LIMIT_CORES", "Load", "Mark", "Process", "cpu_times", "load_between", "process_of", "used_by_tree"]
 
-#: Above it a figure judges nothing, in cores.  A process that takes a twentieth of a core also takes cache, and delays
-#: a tick in twenty: as much as a goal of 0.95 x the floor has to give.  What the kernel does by itself stays below it.
+#: Above it, in cores, a figure gives no verdict.  A process that uses a twentieth of a core also uses cache, and delays
+#: a tick in twenty: as much as the margin of a goal of 0.95 x the floor.  The kernel's own work stays below it.
 LIMIT_CORES = 0.05
 #: The kernel counts in steps of 10 ms, several of them: a short measurement is not called disturbed for that, s.
 RESOLUTION_SECONDS = 0.05

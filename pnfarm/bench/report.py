@@ -59,7 +59,7 @@ def print_table(results: Sequence[Result]) -> None:
     console.print(table)
     if any(result.beside_load is not None for result in results):
         console.print(
-            "Rows beside load judge nothing: other processes, or the hypervisor, used more than "
+            "Rows beside load give no verdict: other processes, or the hypervisor, used more than "
             f"{LIMIT_CORES:g} of a core meanwhile."
         )
 
@@ -95,7 +95,7 @@ def _reading(results: Sequence[Result]) -> list[str]:
         "",
         f"- `beside load`: others used more than {LIMIT_CORES:g} of a core during the windows of that benchmark.",
         "  It is what all CPUs did and what the hypervisor took, less what the benchmark's own processes used. Such a",
-        "  row judges nothing; if nothing else missed its goal, `pnfarm bench` ends with 3.",
+        "  row gives no verdict; if nothing else missed its goal, `pnfarm bench` ends with 3.",
     ]
     few, many = values.get("cpu-16-drives"), values.get("cpu-512-drives")
     if few is not None and many is not None:

@@ -24,7 +24,7 @@ class Result:
     """One figure.  ``ratio_to_floor`` is None if there is no floor; ``ok``: ``value`` meets ``goal``.
 
     ``spread``: the lowest and the highest window, None where there was one.  ``beside_load``: cores that others used
-    meanwhile, None where they used next to nothing; otherwise ``ok`` is None, because the row judges nothing.
+    meanwhile, None where they used next to nothing; otherwise ``ok`` is None, because the row gives no verdict.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Windows:
 
 
 def judged(results: Sequence[Result], beside_load: float | None) -> list[Result]:
-    """The rows of one benchmark, with the cores that others used meanwhile: beside load they judge nothing."""
+    """The rows of one benchmark, with the cores that others used meanwhile: beside load they give no verdict."""
     if beside_load is None:
         return list(results)
     return [replace(result, ok=None, beside_load=beside_load) for result in results]

@@ -80,7 +80,7 @@ def test_table_and_page_show_spread_verdict_and_load(monkeypatch):
     out = io.StringIO()
     monkeypatch.setattr("sys.stdout", out)
     print_table(rows)
-    for words in ("frame-cost-192", "1 to 6", "1.20", "missed", "beside load: 0.31", "judge nothing"):
+    for words in ("frame-cost-192", "1 to 6", "1.20", "missed", "beside load: 0.31", "give no verdict"):
         assert words in out.getvalue()
     page = markdown(rows)
     assert "| frame-cost-192 | 2 | 1 to 6 | us | 1.20 | ratio <= 0.95 | missed |\n" in page

@@ -194,7 +194,7 @@ def test_an_adapter_under_another_product_code_keeps_its_identity(pnfarm, tmp_pa
     assert (facts["product_code"].value, facts["product_name"].value) == (44, "AKD 2G")
     assert tuple(facts["revision"].value) == (2, 1)
     assert drive.strict is False
-    assert "chosen by its vendor: product code 44 is none of a model" in plain(text)
+    assert "chosen by its vendor: no model has product code 44" in plain(text)
     assert "shorter than the manual's" in plain(text)
 
 

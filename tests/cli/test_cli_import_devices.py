@@ -345,7 +345,7 @@ def test_a_device_without_an_access_point_in_its_connection_gets_one():
     one, gsdml = made(plant)
     assert one.keys["slots"] == {3: 0x30}
     assert gsdml.daps[0].ident == 1
-    assert "slot 0 is in no connection: its access point is made up" in notes(one)
+    assert "slot 0 is in no connection: its access point is assumed" in notes(one)
 
 
 def test_an_access_point_in_another_slot_and_data_in_slot_0_are_played():

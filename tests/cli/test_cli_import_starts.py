@@ -172,7 +172,7 @@ def test_a_call_that_lacks_a_fragment_is_reported_with_its_station():
         "Write", Opnum.WRITE, PLC, DEVICE, 0, parts={True: Reassembly(100)}
     )
     (one,) = plant.found()
-    assert "1 calls to it lack fragments: what they asked for or wrote is not known" in one.facts
+    assert "1 calls to it lack fragments: their contents are not known" in one.facts
 
 
 def test_fragments_without_end_take_bounded_memory():

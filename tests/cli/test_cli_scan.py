@@ -117,7 +117,7 @@ def test_a_serial_number_at_two_addresses_is_told():
     for place in (1, 2):
         search.datagram(answer(9), (IPv4Address(f"10.0.0.{place}"), 44818))
     assert list(twice(search)) == [
-        "vendor 452 serial number 0x00000009 is there 2 times: 10.0.0.1, 10.0.0.2",
+        "vendor 452 serial number 0x00000009 appears 2 times: 10.0.0.1, 10.0.0.2",
     ]
 
 

@@ -400,7 +400,7 @@ def test_a_line_whose_master_is_at_work_is_only_listened_to():
     answer, sent = searched(cell, facts(SLAVES))
     assert sent == []
     assert [one.address for one in answer.stations] == ["5"]
-    assert "is at work on this line" in answer.remarks[0]
+    assert "is active on this line" in answer.remarks[0]
 
 
 def test_a_silent_line_ends_and_a_master_that_appears_later_stops_the_requests():

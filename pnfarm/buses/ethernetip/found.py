@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["found", "said_of"]
 
-#: No frame says how long an address's prefix is.
+#: No frame has the prefix length of an address.
 PREFIX = 24
 #: Further connections of one device that a user reads of.
 _FEW = 12
@@ -67,7 +67,7 @@ def _station(seen: SeenAdapter, openings: Sequence[SeenOpening], vlans: str, *, 
     said = said_of(
         "", numbers if seen.vendor else None, ".".join(map(str, seen.revision)) if any(seen.revision) else ""
     )
-    assumed = f"the length of its address's prefix is in no frame: /{PREFIX} is assumed"
+    assumed = f"no frame has its prefix length: /{PREFIX} is assumed"
     if chosen is None:
         return _device(seen, opening, keys, assumed, facts, said)
     drive_model, notes = chosen
@@ -115,9 +115,9 @@ def _device(
         why = exc if isinstance(exc, ConfigError) else "its path names no assemblies of its own"
         return FoundStation(named, (f"no device can be made of its connection: {why}", *facts), keys=keys, said=said)
     keys["rpi"] = format_duration(opening.request.t_to_o_rpi_us * 1000)
-    notes = [assumed, "its data are octets, as a capture says no more: name what they mean in `signals`"]
+    notes = [assumed, "its data are octets, because a capture does not describe them: name them in `signals`"]
     if not seen.vendor:
-        notes.append("nothing says which product it is: a scanner that checks its identity refuses it")
+        notes.append("its product is not known: a scanner that checks the identity refuses it")
     if opening.refused:
         notes.append(f"its connection was refused in the capture: {opening.refused}")
     place = seen.ip.packed
@@ -167,7 +167,7 @@ def _model(seen: SeenAdapter, opening: SeenOpening | None) -> tuple[Model, list[
         return same, []
     for one in models_on("ethernetip"):
         if Product.of(one).vendor_id == seen.vendor and (opening is None or _fits(one, opening)):
-            return one, [f"chosen by its vendor: product code {seen.product_code} is none of a model"]
+            return one, [f"chosen by its vendor: no model has product code {seen.product_code}"]
     return None
 
 
@@ -188,7 +188,7 @@ def _facts(
         told = ", ".join(format_mac(mac) for mac in seen.others)
         yield f"its address was at MAC {told}, too: another device in its place, or on another network"
     if vlans:
-        yield f"on {vlans}: the link of its farm has to lead there"
+        yield f"on {vlans}: the farm's link has to be in it"
     if opening is not None:
         yield f"connected by {_connection(opening)}"
     for other in [one for one in openings if one is not opening][-_FEW:]:

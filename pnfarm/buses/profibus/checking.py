@@ -81,7 +81,7 @@ class SearchOnLine:
         ]
         if (master := self.search.master) is None:
             return CheckAnswer(stations)
-        return CheckAnswer(stations, (f"master {master} is at work on this line: its slaves were not asked",))
+        return CheckAnswer(stations, (f"master {master} is active on this line: its slaves were not read",))
 
 
 def checked_line(link: Link, port: Port, expected: Sequence[StationFacts], own: int, baud: int) -> SearchOnLine:

@@ -50,7 +50,7 @@ def identity_of(gsd: Gsd, model: Model) -> DescribedIdentity:
     missing = [number for number in model.profidrive.telegrams if number not in telegrams]
     if missing:
         numbers, several, it = ", ".join(map(str, missing)), "s"[: len(missing) - 1], "them" if missing[1:] else "it"
-        what = f"no module of it fits telegram{several} {numbers} by length and name"
+        what = f"it has no module for telegram{several} {numbers} by length and name"
         notes.append(what + (f"; the drive does not have {it}" if telegrams else ""))
     if telegrams:
         found |= {

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["found"]
 
 _INPUT, _OUTPUT = 1, 2
-#: No frame but DCP's says how long an address's prefix is.
+#: Only frames of DCP have the prefix length of an address.
 _PREFIX = 24
 _MS = 1e6
 
@@ -102,7 +102,7 @@ def _address(seen: SeenStation) -> tuple[dict[str, Any], list[str]]:
             keys["gateway"] = str(seen.gateway)
     elif seen.called is not None and int(seen.called):
         keys["ip"] = f"{seen.called}/{_PREFIX}"
-        return keys, [f"the length of its address's prefix is in no frame: /{_PREFIX} is assumed"]
+        return keys, [f"no frame has its prefix length: /{_PREFIX} is assumed"]
     return keys, []
 
 
@@ -162,7 +162,7 @@ def _model(seen: SeenStation, connection: SeenConnection | None) -> tuple[Model,
         return None
     chosen = (fitting or of_vendor)[0]
     number = seen.device if seen.device is not None else 0
-    return chosen, [f"chosen by its vendor: device number 0x{number:04X} is none of a model"]
+    return chosen, [f"chosen by its vendor: no model has device number 0x{number:04X}"]
 
 
 def _axes(drive_model: Model, connection: SeenConnection | None) -> list[dict[str, Any]]:
@@ -257,9 +257,9 @@ def _facts(
         if len(had) > 1:
             facts.append(f"it {what} {', then '.join(map(str, had))}: the last one counts")
     if vlans:
-        facts.append(f"on {vlans}: the link of its farm has to lead there")
+        facts.append(f"on {vlans}: the farm's link has to be in it")
     if torn:
-        facts.append(f"{torn} calls to it lack fragments: what they asked for or wrote is not known")
+        facts.append(f"{torn} calls to it lack fragments: their contents are not known")
     if seen.vendor is not None:
         facts.append(f"vendor 0x{seen.vendor:04X}, device 0x{seen.device or 0:04X}")
     if seen.station_type:

@@ -56,14 +56,14 @@ def found_device(
     try:
         text, keys, refused = _described(seen, device, connections)
         if len(text) > octets:
-            raise ConfigError("the devices of the capture are more than a farm takes")
+            raise ConfigError("the capture has more devices than a farm can have")
     except ConfigError as exc:
         told = f"no device of a farm can accept it: {exc}"
         return FoundStation(name, (told, *device.notes, *facts), keys=address, said=_said(seen, device, connections))
     keys = {**address, **keys}
     notes = [
         *few(refused),
-        "its data are octets, as a capture says no more: name what they mean in `signals`",
+        "its data are octets, because a capture does not describe them: name them in `signals`",
         *assumed,
     ]
     keys |= _limits(device, connections, notes)

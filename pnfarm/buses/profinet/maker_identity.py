@@ -105,7 +105,7 @@ def identity_of(document: Gsdml, model: Model, access_point: str | int | None = 
     if missing := [number for number in every if number not in telegrams and number not in supplements]:
         numbers = ", ".join(map(str, missing))
         several, it = ("s", "them") if len(missing) > 1 else ("", "it")
-        what = f"no module of it fits telegram{several} {numbers} by length and name"
+        what = f"it has no module for telegram{several} {numbers} by length and name"
         notes.append(what + (f"; the drive does not have {it}" if telegrams else ""))
         if telegrams:
             found["without"] = missing
@@ -276,7 +276,7 @@ def _supplements(document: Gsdml, model: Model, matched: _Found, notes: list[str
                 if (one.input_octets, one.output_octets) != lengths and number not in found:
                     notes.append(
                         f"its telegram {number} has {one.output_octets} octets out and {one.input_octets} in, the "
-                        f"drive's {lengths[1]} and {lengths[0]}: further words mean nothing"
+                        f"drive's {lengths[1]} and {lengths[0]}: further words have no effect"
                     )
                 found.setdefault(
                     number,

@@ -108,7 +108,7 @@ def _choose_head(device: SeenDevice) -> None:
     head = device.modules.setdefault(device.head, SeenModule(1))
     if not head.submodules:
         head.submodules[1] = SeenSubmodule(0, 1)
-        device.notes.append(f"slot {device.head} is in no connection: its access point is made up")
+        device.notes.append(f"slot {device.head} is in no connection: its access point is assumed")
 
 
 def _plug(device: SeenDevice, expected: ExpectedApi, real: DiffModule | None, notes: list[str]) -> None:

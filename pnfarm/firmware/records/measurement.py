@@ -10,9 +10,9 @@ MEASUREMENT_RECORD = subject(
     "measurement",
     "Noise of the drive's measurements.",
     settings=[
-        Field("velocity_noise", "f8", "rpm", "station", "noise of the measured speed, effective value, 0 = none"),
-        Field("current_noise", "f8", "A", "station", "of the measured current, effective value, 0 = none"),
-        Field("position_noise", "f8", "rev", "station", "of the measured position, effective value, 0 = none"),
+        Field("velocity_noise", "f8", "rpm", "station", "noise of the measured speed, RMS value, 0 = none"),
+        Field("current_noise", "f8", "A", "station", "of the measured current, RMS value, 0 = none"),
+        Field("position_noise", "f8", "rev", "station", "of the measured position, RMS value, 0 = none"),
         Field("seed", "i8", "", "station", "seed of the noise sequence, 0 = no noise"),
     ],
     state=[

@@ -156,7 +156,7 @@ class RecordsMaster:
             # an adapter may hear what this master says itself
             mine = telegram.source == settings.address and isinstance(telegram, Telegram) and self._pending is not None
             if not mine:
-                self._fail(f"master {telegram.source} is at work on this line", now)
+                self._fail(f"master {telegram.source} is active on this line", now)
             return
         if self._pending is None:
             self.counts["unasked"] += 1

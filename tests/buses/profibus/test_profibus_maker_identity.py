@@ -97,7 +97,7 @@ def test_telegrams_are_found_by_name_and_lengths_and_the_others_are_not_the_driv
     }  # fmt: skip
     assert seen.overrides["parameters"] == "00 00 08 22 33"
     (note,) = seen.notes
-    assert note.startswith("no module of it fits telegrams 2, 4, 5, 6, 7, 81")
+    assert note.startswith("it has no module for telegrams 2, 4, 5, 6, 7, 81")
     assert note.endswith("; the drive does not have them")
 
 
@@ -222,5 +222,5 @@ def test_a_wrong_identity_is_reported_with_its_key(tmp_path, key, message):
 def test_what_the_file_does_not_have_is_a_note_of_the_farm_file(tmp_path):
     (tmp_path / "maker.gsd").write_bytes(file())
     config = parse_farm(FARM.format(key="gsd: maker.gsd", more="", telegram=""), tmp_path / "x.pnfarm.yml")
-    assert any(note.startswith("a: maker.gsd: no module of it fits telegrams 2, 4") for note in config.notes)
+    assert any(note.startswith("a: maker.gsd: it has no module for telegrams 2, 4") for note in config.notes)
     assert expand(config)[0].identity["device"] == 0x4711

@@ -115,7 +115,7 @@ def test_a_station_that_is_not_there_is_told():
 
 def test_a_line_with_a_master_at_work_is_left_alone():
     asker, station, line = ask("918", text=FARM + MASTER)
-    with pytest.raises(RemoteError, match="master 1 is at work on this line"):
+    with pytest.raises(RemoteError, match="master 1 is active on this line"):
         asker.result()
     assert asker.master.counts["requests"] == 0
     assert line.controllers.all_connected

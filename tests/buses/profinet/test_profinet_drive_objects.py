@@ -74,7 +74,7 @@ def test_a_telegram_of_a_second_drive_object_is_taken_too():
 def test_what_the_file_lacks_is_told_and_the_drive_does_not_have_it(file):
     config = parse_farm(file().read_text(), file())
     without = "2, 4, 5, 6, 9, 81, 82, 83, 102, 103, 106, 110, 112, 116, 352, 353, 354, 370, 371, 390, 391, 392, 999"
-    told = f"no module of it fits telegrams {without} by length and name; the drive does not have them"
+    told = f"it has no module for telegrams {without} by length and name; the drive does not have them"
     assert config.notes == (
         "a: maker.xml: of its 2 access points, Full (0x20) is taken; `access_point:` chooses another",
         f"a: maker.xml: {told}",

@@ -155,7 +155,7 @@ def test_keys_of_the_farm_file_count_before_those_of_the_file(tmp_path):
 def test_what_the_file_lacks_is_told(tmp_path):
     (tmp_path / "maker.xml").write_text(maker_s_file("akd-profinet", keep=lambda module: "7" not in module.info.name))
     config = farm(tmp_path, "akd-profinet")
-    told = "no module of it fits telegram 7 by length and name; the drive does not have it"
+    told = "it has no module for telegram 7 by length and name; the drive does not have it"
     assert config.notes == (f"a: maker.xml: {told}",)
     telegrams = model_of(expand(config)[0]).profidrive.telegrams
     assert telegrams[1].module.ident > MOVED
@@ -170,7 +170,7 @@ def test_a_telegram_without_a_number_in_its_name_is_found_if_no_other_has_its_le
 def test_two_modules_that_fit_alike_are_not_guessed():
     text = maker_s_file("moog-msd", rename=lambda name: "A module")
     found = identity_of(parse_gsdml(text.encode()), model("moog-msd"))
-    assert any(note.startswith("no module of it fits telegrams") for note in found.notes)
+    assert any(note.startswith("it has no module for telegrams") for note in found.notes)
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def test_another_master_on_the_line_ends_it_before_its_first_request(heard):
     asked = RecordRequest.read(0, 47, 240)
     pair.master.ask(asked, pair.now)
     pair.master.receive(heard, 10 * MS)
-    assert asked.error == f"master {heard.source} is at work on this line"
+    assert asked.error == f"master {heard.source} is active on this line"
     assert pair.run(lambda: False) is False
     assert pair.sent == []
 
@@ -124,7 +124,7 @@ def test_a_token_ends_it_at_work_too_and_answers_of_others_do_not():
     pair.master.receive(ShortAck(), pair.now)
     assert pair.ask(RecordRequest.write(0, 47, b"b")).ok
     pair.master.receive(Token(1, 1), pair.now)
-    assert pair.master.failure == "master 1 is at work on this line"
+    assert pair.master.failure == "master 1 is active on this line"
 
 
 def test_an_adapter_that_hears_itself_does_no_harm():

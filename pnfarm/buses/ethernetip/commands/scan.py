@@ -136,7 +136,7 @@ def twice(found: IdentitySearch) -> Iterable[str]:
     for (vendor, serial), peers in sorted(by_serial.items()):
         if len(peers) > 1:
             places = ", ".join(str(address) for address, _ in sorted(peers))
-            yield f"vendor {vendor} serial number 0x{serial:08X} is there {len(peers)} times: {places}"
+            yield f"vendor {vendor} serial number 0x{serial:08X} appears {len(peers)} times: {places}"
 
 
 def _device(one: Found) -> dict[str, Any]:

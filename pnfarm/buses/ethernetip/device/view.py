@@ -23,7 +23,7 @@ CONNECTION_STATES = tuple(state.value for state in ConnectionState)
 USUAL_LOSSES = (CloseReason.TIMED_OUT.value, NO_DATA, CloseReason.OWNER_GONE.value, CloseReason.ENDED.value)
 
 _WORDS = {
-    CloseReason.TIMED_OUT.value: "the originator fell silent for longer than the timeout",
+    CloseReason.TIMED_OUT.value: "the originator sent nothing for longer than the timeout",
     NO_DATA: "no data came after Forward_Open",
     CloseReason.STREAM_CLOSED.value: "the TCP connection closed",
     CloseReason.OWNER_GONE.value: "the connection that it listened to ended",

@@ -33,7 +33,7 @@ __all__ = [
     "PREFIX", "EdsFiles", "address_of", "connection_of", "data_connection", "of_project", "rpi_of",
 ]  # fmt: skip
 
-#: The project does not say how long an address's prefix is.
+#: The project does not have the prefix length of an address.
 PREFIX = 24
 _KEYS = re.compile(rb"\b(VendCode|ProdType|ProdCode|MajRev)\s*=\s*(0x[0-9a-f]{1,4}\b|[0-9]{1,6})", re.IGNORECASE)
 _ALIAS = re.compile(r"(?P<module>[^:]+):(?P<way>[IO])\.Data\[(?P<index>[0-9]{1,4})\](?:\.(?P<bit>[0-9]{1,2}))?")
@@ -77,7 +77,7 @@ class _Stations:
         below = [f"behind it: {one}" for one in self._below.get(module.name, ())[:_MOST_FACTS]]
         facts = (f"IP {ip}", _called(module), *below)
         keys: dict[str, Any] = {"ip": f"{ip}/{PREFIX}"}
-        notes = [f"the length of its address's prefix is not in the project: /{PREFIX} is assumed"]
+        notes = [f"the project does not have its prefix length: /{PREFIX} is assumed"]
         connection = data_connection(module)
         if connection is not None and (rpi := rpi_of(connection)):
             keys["rpi"] = rpi
@@ -100,7 +100,7 @@ class _Stations:
         if own is None or octets is None or connection is None or len(own.points) < 2:
             why = "the project has no connection with its data and their assemblies"
             return FoundStation(module.name, (why, *facts), missing=missing, keys=keys, said=said)
-        notes.append("its data are octets, as the project says no more")
+        notes.append("its data are octets, because the project does not describe them")
         if missing:
             notes.append(f"with {missing} it has names and parameters")
         keys |= self._signals(module, connection, notes, own)

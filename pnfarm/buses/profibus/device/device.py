@@ -280,7 +280,7 @@ class ProfibusDevice:
                 visits.take(StartUpPhase("parameters", self.number), now)
                 self.note(now, happened.ParametersTaken(master, watchdog_ns, connection=self.number))
                 if wrong is not None:
-                    doubt = Refusal(f"Set_Prm taken though it is wrong: {wrong}", works=True)
+                    doubt = Refusal(f"Set_Prm accepted although it is wrong: {wrong}", works=True)
                     visits.refused(Caller(str(master)), [doubt], final=False)
                     self.note(now, happened.ParametersDoubted(master, wrong))
             case dp.ParametersRefused(master, why):

@@ -32,7 +32,7 @@ CONNECTION_STATES = tuple(_STATES.values())
 USUAL_LOSSES = (WATCHDOG, PARAMETERS_AGAIN, BAD_LENGTH)
 
 _WORDS = {
-    WATCHDOG: "the master fell silent for longer than the watchdog",
+    WATCHDOG: "the master sent nothing for longer than the watchdog",
     PARAMETERS_AGAIN: "the master parametrised it again",
     PARAMETERS_WRONG: "parameters that do not fit",
     CONFIGURED_WRONG: "a configuration that does not fit",

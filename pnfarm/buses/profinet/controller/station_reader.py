@@ -159,7 +159,7 @@ class StationReader:
             stations.append(facts)
         remarks = []
         if self._left_out:
-            remarks.append(f"more than {MOST_STATIONS} stations answer: {self._left_out} frames were not looked at")
+            remarks.append(f"more than {MOST_STATIONS} stations answer: {self._left_out} frames were not evaluated")
         if self._controllers:
             remarks.append(f"{self._controllers} stations that are no IO devices are left out")
         return CheckAnswer(stations, remarks)

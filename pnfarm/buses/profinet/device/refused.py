@@ -106,7 +106,7 @@ def _ident(ident: int, kind: Kind) -> str:
 
 
 def of_record(event: RecordRefused | RecordWritten, kind: Kind) -> Refusal | None:
-    """A parameter record of the start-up that was refused, or taken though it is wrong."""
+    """A parameter record of the start-up that was refused, or accepted although it is wrong."""
     works = isinstance(event, RecordWritten)
     why = kind.record_complaint(event.slot, event.subslot, event.index)
     # lax limits take what the file does not allow

@@ -176,5 +176,5 @@ def _model_of(document: Gsdml, notes: list[str]) -> Model | None:
         return same[0]
     of_vendor = [one for one in known if numbers_of(one)[0] == ids[0]]
     if of_vendor:
-        notes.append(f"chosen by its vendor: device number 0x{ids[1]:04X} is none of a model")
+        notes.append(f"chosen by its vendor: no model has device number 0x{ids[1]:04X}")
     return of_vendor[0] if of_vendor else None
