@@ -42,9 +42,10 @@ def files(folder):
 def test_a_second_import_of_the_same_project_changes_nothing(cell):
     _, out = cell()
     before = files(out.parent)
-    found, _ = cell(options=("--update",))
-    assert (found.code, found.err, found.out) == (0, "", f"{out}: nothing to change\n")
-    assert files(out.parent) == before
+    for option in ("--update", "--dry-run"):
+        found, _ = cell(options=(option,))
+        assert (found.code, found.err, found.out) == (0, "", f"{out}: nothing to change\n")
+        assert files(out.parent) == before
 
 
 def test_edits_stay_and_the_project_s_changes_come(cell):

@@ -209,6 +209,8 @@ def _wrote(made: WrittenFarm, farm: Path, source: str, *, force: bool, into: boo
     if plan.refused is not None:
         raise plan.refused
     if dry_run:
+        if not plan.difference:
+            print_line(f"{farm}: nothing to change")
         return False
     try:
         write_whole(plan.files)
