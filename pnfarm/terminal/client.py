@@ -221,7 +221,12 @@ class FarmClient:
             hint = "give --token, PNFARM_TOKEN or PNFARM_TOKEN_FILE"
             # of a token that it knows, the farm says what is wrong with it
             is_known = "invalid_token" in response.headers.get("www-authenticate", "")
-            raise ConfigError(f"{detail}: {hint}" if is_known else f"the farm needs its token: {hint}")
+            if is_known:
+                raise ConfigError(f"{detail}: {hint}")
+            sent = "authorization" in response.request.headers
+            raise ConfigError(
+                f"the farm does not know this token: {hint}" if sent else f"the farm needs its token: {hint}"
+            )
         raise RefusedError(detail, found.get("errors"))
 
     def _not_a_farm(self) -> RemoteError:
@@ -243,7 +248,7 @@ class FarmClient:
         hint = (
             "" if str(self._client.base_url).startswith("https:") else "; if it speaks TLS, give its https:// address"
         )
-        return RemoteError(f"the connection to the farm at {self.address} failed: {exc}{hint}")
+        return RemoteError(f"the connection to the farm at {self.address} failed: {str(exc).rstrip('.')}{hint}")
 
 
 def _joined(path: tuple[str, ...]) -> str:

@@ -502,3 +502,9 @@ def test_the_address_may_be_with_or_without_the_apis_path(pnfarm, farm, suffix):
     farm.answer("GET", "faults", {"faults": []})
     assert pnfarm("fault", "list", "--api", farm.url + suffix).code == 0
     assert pnfarm("fault", "list", "--api", farm.url.removeprefix("http://")).code == 0
+
+
+def test_a_token_that_the_farm_does_not_know_is_not_called_missing(ask, farm):
+    farm.answer("GET", "drives", {"detail": "token?"}, 401)
+    assert "the farm needs its token" in ask("inspect").err
+    assert "the farm does not know this token" in ask("inspect", "--token", "wrong").err
