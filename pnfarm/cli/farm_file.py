@@ -173,8 +173,19 @@ def check_program(config: FarmConfig) -> None:
     if all(section.program.python is None for section in config.controllers):
         return
     from pnfarm.controller.program_file import program_of
+    from pnfarm.errors import ConfigError
+    from pnfarm.vocabulary.issues import FarmFileError, FileIssue, field_path
 
-    program_of(config)
+    try:
+        program_of(config)
+    except ConfigError as exc:
+        if not isinstance(exc.__cause__, OSError):
+            raise
+        # its name is wrong, which is in this file
+        at = next(one.at("program", "python") for one in config.controllers if one.program.python is not None)
+        _, _, what = str(exc).partition(": ")
+        issue = FileIssue(*config.place(at), field_path(at), what, "a Python file, relative to this one")
+        raise FarmFileError([issue]) from exc
 
 
 def summary(config: FarmConfig) -> str:

@@ -140,6 +140,17 @@ def test_validate_refuses_a_controller_that_drives_in_memory_cannot_have(pnfarm,
         assert told in found.err
 
 
+def test_a_program_whose_file_is_missing_is_reported_with_its_line(pnfarm, write):
+    path = write(FARM + "controller:\n  ip: 10.77.0.1/24\n  program: {python: plcs.py}\n")
+    found = pnfarm("validate", path)
+    (line,) = found.err.splitlines()
+    assert (found.code, line.startswith(f"{path}:{len(FARM.splitlines()) + 3}: controller.program.python: ")) == (
+        2,
+        True,
+    )
+    assert "plcs.py cannot be read: no such file" in line
+
+
 def test_a_missing_file_is_bad_input(pnfarm, tmp_path):
     found = pnfarm("validate", tmp_path / "none.yml")
     assert found.code == 2

@@ -115,6 +115,11 @@ def test_what_is_too_large_too_deep_or_has_no_end_is_refused_at_once(text: str, 
     assert len(found) <= 100
 
 
+def test_a_variable_without_a_value_is_the_only_error_of_its_key() -> None:
+    (found,) = answer(STEP + "  - expect: {drive: all, that: connected, within: $limit}")
+    assert "$limit has no value" in found
+
+
 def test_ten_thousand_steps_are_read() -> None:
     assert answer(STEP + "  - wait: 1s\n" * MAX_STEPS) == []
 

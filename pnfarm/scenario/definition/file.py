@@ -154,11 +154,16 @@ class _Reader:
         self._path = path
         self._given = given
         self._issues: dict[FileIssue, None] = {FileIssue(name, *astuple(found)): None for found in document.problems}
+        #: Where a variable is named that there is not.
+        self._without_value: set[Location] = set()
         self._count = self._looked = 0
         #: Where in a `find` the steps that are read are; empty outside.
         self._part = ""
 
     def report(self, location: Location, what: str, allowed: str) -> None:
+        if location in self._without_value:
+            # what follows from that is no error of its own
+            return
         line, column = self._document.locate(location)
         self._issues[FileIssue(self._name, line, column, field_path(location), what, allowed)] = None
         if len(self._issues) >= MAX_ISSUES:
@@ -484,6 +489,7 @@ class _Reader:
         if name not in known:
             hint = did_you_mean(name, known)
             self.report(at, f"${name} has no value{hint}", ", ".join(f"${other}" for other in known) or "`variables:`")
+            self._without_value.add(at)
             return ""
         return known[name]
 
