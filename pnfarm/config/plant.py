@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PlainVa
 
 from pnfarm.config.section import Section
 from pnfarm.config.values import Duration
+from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
@@ -91,7 +92,7 @@ def _model_name(value: str) -> str:
 
 def _within(step_ns: int) -> int:
     if not FASTEST_STEP_NS <= step_ns <= SLOWEST_STEP_NS:
-        raise Problem("is no step of a plant", "500us to 100ms")
+        raise Problem(f"{format_duration(step_ns)} is no step of a plant", "500us to 100ms")
     return step_ns
 
 

@@ -51,7 +51,8 @@ def read_parameters(
         if key in given:
             continue
         if one.default is None:
-            report(at, f"{kind.name} {model.name} has no {key}", f"{key}: {one.doc}{one.unit and f', {one.unit}'}")
+            unit = "a time such as 300ms" if one.unit == "s" else one.unit
+            report(at, f"{kind.name} {model.name} has no {key}", f"{key}: {one.doc}{unit and f', {unit}'}")
             wrong = True
         else:
             found[key] = one.default

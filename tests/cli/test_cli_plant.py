@@ -39,6 +39,11 @@ def test_a_plant_is_drawn_as_svg_with_every_model_station_and_wire(pnfarm, tmp_p
 def test_the_built_in_models_are_listed(pnfarm):
     names = {one["name"] for one in json.loads(pnfarm("plant", "--kinds", "--format", "json").out)}
     assert {"cylinder", "conveyor", "elastic-coupling"} <= names
+    lines = pnfarm("plant", "--kinds").out.splitlines()
+    keys = {line.split()[0]: line for line in lines if "stiffness" in line or "ratio" in line}
+    assert "  axis, stiffness" in keys["elastic-load"]
+    assert "  axes, stiffness" in keys["elastic-coupling"]
+    assert "  axes, ratio" in keys["rigid-coupling"]
 
 
 @pytest.mark.parametrize(("arguments", "what"), [((), "give a farm file"), (("one",), "has no plant")])

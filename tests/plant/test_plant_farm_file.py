@@ -38,7 +38,10 @@ def _issues(plant: str) -> list[str]:
         ("  wires: [not x.torque -> x.load_torque]", "6: x.load_torque is a number, which cannot be inverted"),
         ("  wires: [x.torque -> x.load_torque, x.torque * 2 -> x.load_torque]", "6: x.load_torque has a wire already"),
         ("  models: [{name: c, kind: cilinder}]", "6: 'cilinder' is no built-in model, did you mean cylinder?"),
-        ("  models: [{name: c, kind: cylinder}]", "6: cylinder c has no time"),
+        (
+            "  models: [{name: c, kind: cylinder}]",
+            "6: cylinder c has no time; time: from one end to the other, a time such as 300ms",
+        ),
         ("  models: [{name: c, kind: cylinder, time: 3}]", "6: is 3, which has no unit"),
         ("  models: [{name: c, kind: cylinder, time: 1s, tim: 3}]", "6: cylinder has no such parameter"),
         ("  models: [{name: c, kind: cylinder, time: 1s, valve: three}]", "6: is 'three'; monostable"),
@@ -48,7 +51,7 @@ def _issues(plant: str) -> list[str]:
         ("  models: [{name: a}]", "6: model a has no kind"),
         ("  models: [{name: a.b, kind: lamp}]", "6: 'a.b' is not a model's name"),
         ("  models: [{name: a, kind: lamp, step: 500us}]", "6: is shorter than the plant's own step"),
-        ("  step: 100us", "6: is no step of a plant; 500us to 100ms"),
+        ("  step: 100us", "6: 100us is no step of a plant; 500us to 100ms"),
         ("  models: [{name: m, kind: elastic-load, axis: z, stiffness: 1, inertia: 1}]", "6: there is no axis 'z'"),
         ("  models: [{name: m, kind: rigid-coupling, axes: [x]}]", "6: rigid-coupling is between two axes"),
         (

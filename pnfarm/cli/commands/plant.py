@@ -137,6 +137,12 @@ def _kind_as_json(kind: Behaviour | CouplingKind) -> dict[str, Any]:
     }
 
 
+def _axes(kind: Behaviour | CouplingKind) -> tuple[str, ...]:
+    """The key that names what a coupling joins."""
+    shafts = getattr(kind, "shafts", 0)
+    return () if not shafts else ("axis",) if shafts == 1 else ("axes",)
+
+
 def _show_kinds(output: Format) -> None:
     from pnfarm.behaviours.catalogue import BEHAVIOURS
     from pnfarm.plant.coupling_kinds import COUPLINGS
@@ -153,9 +159,9 @@ def _show_kinds(output: Format) -> None:
                 one["name"],
                 ", ".join(port["name"] for port in one["inputs"]),
                 ", ".join(port["name"] for port in one["outputs"]),
-                ", ".join(parameter["name"] for parameter in one["parameters"]),
+                ", ".join([*_axes(kind), *(parameter["name"] for parameter in one["parameters"])]),
             )
-            for one in found
+            for kind, one in zip(kinds, found, strict=True)
         ],
     )
     for one in found:
