@@ -109,3 +109,16 @@ def test_readiness_says_why_a_connection_ended_and_shows_no_table_without_rows(a
     assert "press not connected searched" in lines
     assert "press not connected the connection ended: watchdog expired" in lines
     assert not [line for line in lines if line.startswith(("NO CONTROLLER", "ASKED FOR"))]
+
+
+def test_a_long_value_is_cut_in_the_table_of_all_signals_and_whole_where_it_is_asked_for(ask, farm):
+    octets = " ".join(["0f"] * 64)
+    signal = {"name": "image", "direction": "input", "type": "octets[64]", "value": octets, "shown": octets, "unit": "",
+              "good": True, "owner": "default", "forced": None, "place": "1.1.0"}  # fmt: skip
+    farm.answer("GET", "devices", {"devices": [{"name": "camera"}]})
+    farm.answer("GET", "plant", {"models": []})
+    farm.answer("GET", "devices/camera/signals", {"device": "camera", "signals": [signal]})
+    (row,) = (line for line in ask("io").out.splitlines() if "image" in line)
+    assert "0f 0f 0f... " in row
+    assert len(row) < 120
+    assert ask("io", "camera.image").out == f"camera.image = {octets}\n"

@@ -27,6 +27,8 @@ __all__ = ["io"]
 
 #: Owners that overrule what is written.
 _STRONG = frozenset({"fault", "force"})
+#: Longest value of the table, characters: 16 octets; a signal that is asked for by its name is shown whole.
+MAX_VALUE = 47
 #: Between two looks where there is no stream, and before one that broke is asked for again.
 AGAIN_SECONDS = 1.0
 
@@ -175,8 +177,13 @@ def _rows(found: Mapping[str, Mapping[str, Any]], models: Sequence[str]) -> Iter
     for station, view in found.items():
         for signal in view["signals"]:
             status = "good" if signal["good"] else "bad"
-            what = (signal[key] for key in ("name", "direction", "type", "shown", "unit"))
+            what = signal["name"], signal["direction"], signal["type"], _in_table(signal["shown"]), signal["unit"]
             yield station, *what, status, signal["owner"], "plant" if station in models else signal["place"]
+
+
+def _in_table(text: str) -> str:
+    """A value as the table has it: a long one would widen the column of all."""
+    return text if len(text) <= MAX_VALUE else f"{text[: MAX_VALUE - 3].rstrip()}..."
 
 
 def _watch(farm: FarmClient, wanted: Sequence[_Wanted], output: Format, devices: Sequence[str]) -> None:
