@@ -331,6 +331,18 @@ def test_the_controller_says_before_it_runs_that_its_summary_cannot_be_written(p
     assert (found.code, found.out, found.err) == (2, "", f"pnfarm: {where}; {name}\n")
 
 
+def test_a_run_that_does_not_begin_leaves_no_empty_file_behind(pnfarm, write, tmp_path):
+    summary, link = tmp_path / "summary.json", tmp_path / "link.json"
+    link.symlink_to(summary)
+    for file in (summary, link):
+        assert pnfarm("plc", write(FARM), "--json", file).code == 2
+        assert not summary.exists()
+    assert link.is_symlink()
+    summary.write_text("an earlier one")
+    assert pnfarm("plc", write(FARM), "--json", summary).code == 2
+    assert summary.read_text() == "an earlier one"
+
+
 def test_frames_in_memory_are_not_captured_by_up(pnfarm, write, tmp_path):
     text = FARM.replace("{kind: macvlan, parent: eth1}", "{kind: memory}")
     found = pnfarm("up", write(text), "--pcap", tmp_path / "out.pcapng")

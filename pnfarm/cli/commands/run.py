@@ -183,13 +183,17 @@ def _variables(given: list[str]) -> dict[str, Any]:
 
 
 def check_writable(path: Path) -> None:
-    """Before a run of minutes, not after it.  Raises :class:`ConfigError`."""
+    """Before a run of minutes, not after it; leaves no file where there was none.  Raises :class:`ConfigError`."""
     if path.is_dir() or not path.parent.is_dir():
         what = "is a folder" if path.is_dir() else f"is in {path.parent}, which is not a folder"
         raise ConfigError(f"{path} {what}; give the name of a file in a folder that exists")
+    is_new = not path.exists()
     try:
         with path.open("ab"):
             pass
+        if is_new:
+            # what a link points to, not the link
+            path.resolve().unlink(missing_ok=True)
     except OSError as exc:
         raise ConfigError(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
 
