@@ -29,7 +29,7 @@ def run_remote(
 ) -> tuple[dict[str, Any], Exception | None]:
     """The record, and what failed before the scenario was over, if anything did.  Raises :class:`PnfarmError`."""
     assert scenario.farm is not None
-    with client.FarmClient(scenario.farm, token, tls_ca) as farm:
+    with client.FarmClient(scenario.farm, token, tls_ca, option="--farm") as farm:
         return _Remote(scenario, farm, progress, interrupted).run()
 
 

@@ -55,7 +55,7 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
     def __init__(self, url: str, *, token: str | None = None, tls_ca: str | Path | None = None) -> None:
         super().__init__()
         self.url = url
-        self._client = FarmClient(url, token, tls_ca)
+        self._client = FarmClient(url, token, tls_ca, option=None)
         self._faults: dict[str, _RemoteFault] = {}
 
     async def ask(self, method: Callable[..., Any], *path: str, **options: Any) -> Any:

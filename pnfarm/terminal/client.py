@@ -33,14 +33,14 @@ class FarmError(PnfarmError):
     exit_code = 5
 
 
-def _base(address: str, *, secure: bool = False) -> str:
+def _base(address: str, *, secure: bool, where: str) -> str:
     """``HOST:PORT`` or a URL, as the URL of the API; ``secure``: https where there is no scheme."""
     url = address.strip().rstrip("/")
     if "://" not in url:
         url = f"{'https' if secure else 'http'}://{url}"
     scheme, _, rest = url.partition("://")
     if scheme not in {"http", "https"} or not rest or "/" in rest.removesuffix("/api/v1"):
-        raise ConfigError(f"{address!r} is not the address of a farm; give --api a URL such as http://127.0.0.1:8702")
+        raise ConfigError(f"{address!r} is not the address of a farm; give a URL such as http://127.0.0.1:8702{where}")
     return url if url.endswith("/api/v1") else f"{url}/api/v1"
 
 
@@ -85,15 +85,24 @@ class FarmClient:
     """A context manager.  ``address`` is a URL or HOST:PORT; paths are relative to ``/api/v1``.
 
     ``tls_ca`` is the file of the authority of a farm at https, and makes https the scheme of HOST:PORT; left out,
-    the one that PNFARM_TLS_CA names, or the system's authorities.
+    the one that PNFARM_TLS_CA names, or the system's authorities.  ``option`` is where a user gives the address;
+    None for a caller without options.
     """
 
-    def __init__(self, address: str, token: str | None = None, tls_ca: str | Path | None = None) -> None:
+    def __init__(
+        self,
+        address: str,
+        token: str | None = None,
+        tls_ca: str | Path | None = None,
+        *,
+        option: str | None = "--api",
+    ) -> None:
         import httpx
 
         self.address = address
+        self._where = f" with {option}" if option else ""
         token = sendable(token) or sendable(token_in())
-        url = _base(address, secure=bool(tls_ca or os.environ.get(CA_VARIABLE)))
+        url = _base(address, secure=bool(tls_ca or os.environ.get(CA_VARIABLE)), where=self._where)
         trust = client_context(tls_ca) if url.startswith("https:") else True
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         try:
@@ -102,7 +111,7 @@ class FarmClient:
                 base_url=url, headers=headers, timeout=TIMEOUT_SECONDS, trust_env=False, verify=trust
             )
         except (httpx.InvalidURL, UnicodeError) as exc:
-            raise ConfigError(f"{address!r} is not the address of a farm ({exc}); give --api a URL") from exc
+            raise ConfigError(f"{address!r} is not the address of a farm ({exc}); give a URL{self._where}") from exc
 
     def __enter__(self) -> Self:
         return self
@@ -230,7 +239,7 @@ class FarmClient:
         raise RefusedError(detail, found.get("errors"))
 
     def _not_a_farm(self) -> RemoteError:
-        return RemoteError(f"the server at {self.address} is not a farm; give the farm's address with --api")
+        return RemoteError(f"the server at {self.address} is not a farm; give the farm's address{self._where}")
 
     def _unreachable(self, exc: httpx.HTTPError) -> PnfarmError:
         import httpx
@@ -239,12 +248,12 @@ class FarmClient:
             return ConfigError(f"the farm at {self.address} is not asked: {why}")
         if isinstance(exc, httpx.ConnectError):
             return EnvironmentError_(
-                f"no farm answers at {self.address}: start one with `pnfarm up FILE`, or give its address with --api"
+                f"no farm answers at {self.address}: start one with `pnfarm up FILE`, or give its address{self._where}"
             )
         if isinstance(exc, httpx.TimeoutException):
             return RemoteError(f"the farm at {self.address} gave no answer within {TIMEOUT_SECONDS:g} s")
         if isinstance(exc, httpx.UnsupportedProtocol):
-            return ConfigError(f"{self.address!r} is not the address of a farm; give --api a URL")
+            return ConfigError(f"{self.address!r} is not the address of a farm; give a URL{self._where}")
         hint = (
             "" if str(self._client.base_url).startswith("https:") else "; if it speaks TLS, give its https:// address"
         )

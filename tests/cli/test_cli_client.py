@@ -433,7 +433,15 @@ def test_a_farm_that_is_not_there_is_told_with_the_way_to_start_one(pnfarm):
     found = pnfarm("inspect", "--api", "127.0.0.1:1")
     assert found.code == 4
     assert "no farm answers at 127.0.0.1:1" in found.err
-    assert "pnfarm up" in found.err
+    assert "`pnfarm up FILE`, or give its address with --api" in found.err
+
+
+def test_a_scenario_without_its_farm_names_the_option_that_the_command_has(pnfarm, tmp_path):
+    file = tmp_path / "wait.scenario.yml"
+    file.write_text("scenario: wait\nfarm: http://127.0.0.1:1\nsteps: [{wait: 1s}]\n")
+    found = pnfarm("run", file)
+    assert found.code == 4
+    assert found.err.endswith(", or give its address with --farm\n")
 
 
 @pytest.mark.parametrize("address", ["ftp://127.0.0.1", "http://127.0.0.1/other/place", "", "http://[::1"])
