@@ -6,14 +6,17 @@ import statistics
 
 import numpy as np
 import pytest
-from bench_axis import VELOCITY_STEP, BenchAxis
+from bench_axis import MS, VELOCITY_STEP, BenchAxis
 from msd_bench import MsdBench
 
 from pnfarm.firmware.axis import AXIS
+from pnfarm.firmware.profidrive.smoothed import show_smoothed
 from pnfarm.table.signals import (
     ACT_CURRENT,
+    AIST_GLATT,
     IAIST_GLATT,
     ITIST_GLATT,
+    M_ACT,
     MIST_GLATT,
     NIST_A,
     NIST_A_GLATT,
@@ -144,3 +147,30 @@ def test_smoothed_values_begin_at_0_when_the_drive_is_switched_on():
     bench.axis.motor.velocity = 0.0
     bench.off_and_on(10)
     assert [int(bench.image.sent[word]) for word in (NIST_A_GLATT, IAIST_GLATT, MIST_GLATT, PIST_GLATT)] == [0] * 4
+
+
+def test_smoothed_values_are_shares_of_their_references():
+    bench = BenchAxis()
+    axis, image = bench.axis, bench.image
+    profidrive = axis.profidrive
+    # 0x4000 is 3000 rpm, 8 A, 4 N m, and the power of both
+    profidrive.settings.velocity_step = 3000.0 / 0x4000
+    profidrive.settings.current_step = 8.0 / 0x4000
+    profidrive.settings.torque_step = 4.0 / 0x4000
+    profidrive.settings.smoothing = 0.0
+    axis.torque.settings.limit_positive, axis.torque.settings.limit_negative = 8.0, 2.0
+    axis.torque.settings.scale = axis.torque.shares_in_force[0] = axis.torque.shares_in_force[1] = 1.0
+    words = (NIST_A_GLATT, IAIST_GLATT, MIST_GLATT, PIST_GLATT, AIST_GLATT, M_ACT)
+
+    def after(milliseconds: int, speed: float, torque: float) -> list[int]:
+        axis.motor.velocity, axis.motor.torque, axis.motor.current = speed, torque, torque / 0.5
+        axis.last_ns += milliseconds * MS
+        show_smoothed(axis, image)
+        return signed([int(image.sent[word]) for word in words])
+
+    assert after(1, 1500.0, -1.0) == [0x2000, 0x1000, -0x1000, -0x0800, 0x2000, -0x1000]
+    # forwards, the peak current of 9 A allows 4.5 N m
+    assert after(1, -1500.0, 4.5) == [-0x2000, 0x4800, 0x4800, -0x2400, 0x4000, 0x4800]
+    profidrive.settings.smoothing = 0.02
+    assert after(20, 1500.0, 4.5) == [0, 0x4800, 0x4800, 0, 0x4000, 0x4800]
+    assert after(20, 1500.0, 0.0) == [0x1000, 0x2400, 0x2400, 0, 0x2000, 0]

@@ -76,6 +76,15 @@ def test_the_drive_counts_each_frame_that_it_takes(drive):
     assert drive.own == called(following)(before, 3)
 
 
+def test_the_count_is_in_zsw2_before_the_drives_next_step(drive):
+    drive.frame()
+    before = drive.own
+    for ahead in (1, 2):
+        drive.image.frames += 1
+        called(count_life)(drive.axis, drive.image)
+        assert drive.own == called(following)(before, ahead)
+
+
 def test_a_controller_in_sequence_raises_nothing(drive):
     drive.good(100)
     assert (drive.axis.life.run, drive.axis.life.count, drive.axis.life.errors) == (15, 0, 0)

@@ -9,9 +9,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.firmware.profidrive.messages import message_word
-from pnfarm.firmware.profidrive.telegram import from_setpoints, to_actuals
+from pnfarm.firmware.profidrive.telegram import (
+    clamp16,
+    clamp32,
+    current_step,
+    from_setpoints,
+    no_setpoints,
+    to_actuals,
+)
 from pnfarm.table.axis_codes import CMD_CLEAR_HISTORY, CMD_RAISE_FAULT, RAMP_ABSENT, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B
-from pnfarm.table.signals import FAULT_CODE, G1_XIST1, G1_XIST2, MELDW, NIST_A, NIST_B, NSOLL_A, NSOLL_B, WARN_CODE
+from pnfarm.table.signals import (
+    DRV_ACC,
+    DRV_DEC,
+    FAULT_CODE,
+    G1_XIST1,
+    G1_XIST2,
+    MELDW,
+    NIST_A,
+    NIST_B,
+    NSOLL_A,
+    NSOLL_B,
+    WARN_CODE,
+)
 
 RPM_3000 = 3000.0 / 0x4000
 
@@ -227,3 +246,40 @@ def test_a_drive_with_a_ramp_generator_keeps_it():
     drive.enable(1000.0)
     assert drive.axis.ramp.command == pytest.approx(10.0, abs=0.5)
     assert drive.image.sent[NIST_A] == round(drive.axis.motor.velocity / VELOCITY_STEP)
+
+
+# what does not fit stops at the end of its range
+
+
+@pytest.mark.parametrize(
+    ("value", "word"),
+    [(32766.6, 0x7FFF), (32767.4, 0x7FFF), (1e9, 0x7FFF), (-32767.6, 0x8000), (-32768.6, 0x8000), (-1e9, 0x8000)],
+)
+def test_a_signal_of_16_bits_never_changes_its_sign_at_the_end_of_its_range(value, word):
+    assert called(clamp16)(value) == word
+
+
+@pytest.mark.parametrize(
+    ("value", "number"), [(2147483647.6, 2**31 - 1), (-2147483648.6, -(2**31)), (1e12, 2**31 - 1), (-1e12, -(2**31))]
+)
+def test_a_signal_of_32_bits_never_changes_its_sign_at_the_end_of_its_range(value, number):
+    assert called(clamp32)(value) == number
+
+
+def test_currents_are_shares_of_the_drives_own_reference_or_of_the_peak_current(drive):
+    profidrive, motor = drive.axis.profidrive, drive.axis.motor
+    motor.settings.peak_current = 9.0
+    assert called(current_step)(profidrive, motor) == pytest.approx(9.0 / 0x4000)
+    profidrive.settings.current_step = 5.0 / 0x4000
+    assert called(current_step)(profidrive, motor) == pytest.approx(5.0 / 0x4000)
+
+
+def test_without_a_controller_the_ramps_are_the_drives_own(drive):
+    profidrive, ramp = drive.axis.profidrive, drive.axis.ramp
+    profidrive.settings.acceleration_step = 1000.0
+    drive.image.received[DRV_ACC], drive.image.received[DRV_DEC] = 3, 7
+    called(from_setpoints)(drive.axis, drive.image)
+    assert (ramp.up, ramp.down) == (3000.0, 7000.0)
+    called(no_setpoints)(drive.axis.torque, ramp)
+    assert (ramp.up, ramp.down) == (ramp.settings.acceleration, ramp.settings.deceleration)
+    assert (ramp.setpoint, drive.axis.torque.setpoint) == (0.0, 0.0)

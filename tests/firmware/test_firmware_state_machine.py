@@ -146,7 +146,7 @@ def test_acknowledgement_needs_an_edge_of_bit_7():
     drive.command(CMD_RAISE_FAULT, 529)
     drive.write(0x04F6, run=50)
     assert drive.zsw1 & 0x0008
-    drive.write(0x0476)
+    assert drive.write(0x0476) & 0x0008, "a falling edge acknowledges nothing"
     drive.write(0x04F6)
     assert not drive.zsw1 & 0x0008
 
@@ -209,6 +209,14 @@ def test_the_same_fault_twice_is_one_entry():
     drive.command(CMD_RAISE_FAULT, 501 | REACTION_QUICK_STOP << 24)
     drive.run(1)
     assert list(drive.axis.faults.code[:2]) == [501, 0]
+
+
+def test_loss_of_cyclic_data_raises_702_also_while_stw1_is_zero():
+    drive = BenchAxis()
+    assert not drive.write(0x0000) & 0x0008
+    drive.lose(LOST_EXPIRED)
+    assert drive.zsw1 & 0x0008
+    assert drive.axis.faults.code[0] & 0xFFFFFF == 702
 
 
 def test_loss_of_cyclic_data_raises_702_and_stops_the_axis_along_its_ramp():
