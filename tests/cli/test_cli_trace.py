@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import xml.etree.ElementTree as ET
 from typing import Any
 
-import httpx
+import api_client
 import pytest
 from device_cell import DRIVES, ONE, Cell
 from virtual_line import VirtualLine
@@ -15,10 +14,11 @@ from virtual_line import VirtualLine
 from pnfarm.api import make_app
 
 
-class Farm:
+class Farm(api_client.Farm):
     """Stands for ``httpx.Client``; ``sleep`` and ``monotonic`` are the farm's."""
 
     def __init__(self, line: Any = None) -> None:
+        super().__init__(self)
         self.line = line or VirtualLine(2)
         self.app = make_app(
             self.line.farm,
@@ -27,22 +27,6 @@ class Farm:
         )
         #: What happens in the next waits, one call each.
         self.next: list[Any] = []
-
-    def client(self, **_: Any) -> Farm:
-        return self
-
-    def close(self) -> None:
-        """As a client's."""
-
-    def request(self, method: str, path: str, **options: Any) -> httpx.Response:
-        async def ask() -> httpx.Response:
-            transport = httpx.ASGITransport(self.app)
-            async with self.async_client(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
-                return await client.request(method, path, **options)
-
-        return asyncio.run(ask())
-
-    async_client = httpx.AsyncClient
 
     def sleep(self, seconds: float) -> None:
         if self.next:

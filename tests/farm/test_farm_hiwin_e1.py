@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from parameter_requests import change_request, read_request
+from record_line import access
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.plan import plan_devices
@@ -17,7 +18,6 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.farm.views.snapshot import drive_snapshot
-from pnfarm.protocols.profinet.cm.controller.events import RecordRead
 from pnfarm.table.program import RUNNING
 from pnfarm.table.signals import (
     G1_XIST1,
@@ -49,18 +49,6 @@ def seen(line: VirtualLine, slot: int, drive: int = 0) -> int:
 
 def active(line: VirtualLine, drive: int = 0) -> list[int]:
     return [int(code) & 0xFFFFFF for code in axis_of(line, drive).faults.code if code]
-
-
-def access(line: VirtualLine, request: bytes, index: int = 0xB02E) -> bytes:
-    session = line.plc.sessions[0]
-    session.machine.write_record("write", 0x3A00, 1, 1, index, request)
-    session.machine.read_record("read", 0x3A00, 1, 1, index, 240)
-    line.plc.touch(session, line.world.now)
-    line.plc.records.clear()
-    assert line.world.run(1.0, until=lambda: len(line.plc.records) == 2)
-    read = line.plc.records[1][1]
-    assert isinstance(read, RecordRead)
-    return read.data
 
 
 # -- connecting ------------------------------------------------------------------------------------------------------
@@ -292,9 +280,9 @@ def test_4_3_single_parameter_requests_only(index):
     line = line_of()
     line.connect()
     one = emit_request(read_request(1, [ParameterAddress(964, 0, 0)]))
-    assert access(line, one, index) == bytes.fromhex("01 01 00 01 06 01 0AAA")
+    assert access(line, one, index=index) == bytes.fromhex("01 01 00 01 06 01 0AAA")
     two = emit_request(read_request(2, [ParameterAddress(922, 0, 0), ParameterAddress(925, 0, 0)]))
-    assert access(line, two, index) == bytes.fromhex("02 81 00 01 44 01 0023")
+    assert access(line, two, index=index) == bytes.fromhex("02 81 00 01 44 01 0023")
 
 
 def test_6_2_a_limit_takes_effect_after_power_on_and_outlives_it():

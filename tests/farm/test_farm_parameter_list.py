@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from parameter_requests import change_request, read_request
+from record_line import access
 from virtual_line import VirtualLine
 
 from pnfarm.config.known import catalogue
@@ -16,7 +17,6 @@ from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.lists import MAX_OCTETS
 from pnfarm.farm.file.reading import FarmFileError, expand, load_farm, parse_farm
 from pnfarm.farm.file.schema import farm_schema
-from pnfarm.protocols.profinet.cm.controller.events import RecordRead
 
 LIST = "number,name,type,max,default,unit\nPt200,Speed loop gain,uint16,20000,400,0.1 Hz\nPt300..Pt30F,,,,,\n"
 FARM = """\
@@ -58,25 +58,13 @@ def line_of(tmp_path: Path, memory: VolatileMemory, text: str = LIST) -> Virtual
     )
 
 
-def access(line: VirtualLine, request: bytes, index: int) -> bytes:
-    session = line.plc.sessions[0]
-    session.machine.write_record("write", 0x3A00, 1, 1, index, request)
-    session.machine.read_record("read", 0x3A00, 1, 1, index, 240)
-    line.plc.touch(session, line.world.now)
-    line.plc.records.clear()
-    assert line.world.run(1.0, until=lambda: len(line.plc.records) == 2)
-    read = line.plc.records[1][1]
-    assert isinstance(read, RecordRead)
-    return read.data
-
-
 def read_value(line: VirtualLine, pnu: int, index: int = 0xB02F) -> str:
-    return access(line, emit_request(read_request(1, [ParameterAddress(pnu, 0, 0)])), index).hex()
+    return access(line, emit_request(read_request(1, [ParameterAddress(pnu, 0, 0)])), index=index).hex()
 
 
 def change_value(line: VirtualLine, pnu: int, value: int, index: int = 0xB02F) -> str:
     request = change_request(2, [(ParameterAddress(pnu, 0, 0), ParameterValues(0x06, (value,)))])
-    return access(line, emit_request(request), index).hex()
+    return access(line, emit_request(request), index=index).hex()
 
 
 @pytest.mark.parametrize("index", [0xB02E, 0xB02F])

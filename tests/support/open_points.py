@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from hand_plc import HandPlc
 from parameter_requests import change_request, read_request
+from record_line import access
 
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ParameterAddress,
@@ -21,7 +22,6 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
 )
 from pnfarm.protocols.profibus.record_request import RecordRequest
 from pnfarm.protocols.profibus.wire.dpv1 import ErrorCode1
-from pnfarm.protocols.profinet.cm.controller.events import RecordRead
 
 #: Telegrams of speed and of positions, and control words with operation enabled, of each model.
 SPEED = {"akd-profinet": 1, "akd-profinet-2012": 1, "hiwin-e1": 3, "moog-msd": 1, "profidrive": 1}
@@ -102,15 +102,7 @@ class Plc(HandPlc):
     def _ask(self, request: bytes) -> ParameterResponse:
         if self.is_on_line:
             return parse_response(self._ask_on_line(request))
-        (session,) = self.plc.sessions
-        session.machine.write_record("write", 0x3A00, 1, 1, PARAMETERS, request)
-        session.machine.read_record("read", 0x3A00, 1, 1, PARAMETERS, 240)
-        self.plc.touch(session, self.world.now)
-        self.plc.records.clear()
-        assert self.world.run(1.0, until=lambda: len(self.plc.records) == 2)
-        _, (_, read) = self.plc.records
-        assert isinstance(read, RecordRead)
-        return parse_response(read.data)
+        return parse_response(access(self, request, index=PARAMETERS))
 
     def rpm(self) -> float:
         return float(self.axis.motor.velocity)
