@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.links.base import unwrap
+from pnfarm.links.kernel.netlink import DONE, ERROR, REQUEST_DUMP, attributes, error_of, messages, request
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -29,13 +30,10 @@ __all__ = ["Egress", "EgressChoice", "addresses_taken", "egress_of"]
 #: The farm file's `link: {send: ...}`.
 EgressChoice = Literal["auto", "parent", "own", "xdp"]
 
-# linux/netlink.h, linux/rtnetlink.h, linux/neighbour.h, linux/if_link.h
-_HEADER = struct.Struct("=IHHII")  # length, type, flags, sequence, port
+# linux/rtnetlink.h, linux/neighbour.h, linux/if_link.h
 _NEIGHBOUR = struct.Struct("=BxxxiHBB")  # family, interface, state, flags, type
 _INTERFACE = struct.Struct("=BxHiII")  # family, type, index, flags, change
-_ATTRIBUTE = struct.Struct("=HH")  # length, type
-_REQUEST_DUMP = 0x301
-_ERROR, _DONE, _NEW_LINK, _DELETED_LINK, _GET_LINK, _GET_NEIGHBOUR = 2, 3, 16, 17, 18, 30
+_NEW_LINK, _DELETED_LINK, _GET_LINK, _GET_NEIGHBOUR = 16, 17, 18, 30
 _LINK_LAYER_ADDRESS = 2
 _RTMGRP_LINK = 1
 _IFF_UP = 1
@@ -50,40 +48,17 @@ TRUSTED_SECONDS = 1.0
 TRUSTED_ALONE_SECONDS = 10.0
 
 
-def _messages(data: bytes) -> Iterator[tuple[int, memoryview]]:
-    """Type and content of the netlink messages in a datagram; what is cut ends it."""
-    view = memoryview(data)
-    while len(view) >= _HEADER.size:
-        length, kind, *_ = _HEADER.unpack_from(view)
-        if length < _HEADER.size or length > len(view):
-            return
-        yield kind, view[_HEADER.size : length]
-        view = view[length + 3 & ~3 :]
-
-
-def _link_layer_address(attributes: memoryview) -> bytes | None:
-    while len(attributes) >= _ATTRIBUTE.size:
-        length, kind = _ATTRIBUTE.unpack_from(attributes)
-        if length < _ATTRIBUTE.size or length > len(attributes):
-            return None
-        if kind == _LINK_LAYER_ADDRESS:
-            return bytes(attributes[_ATTRIBUTE.size : length])
-        attributes = attributes[length + 3 & ~3 :]
-    return None
-
-
-def _dump(kind: int, request: bytes) -> Iterator[tuple[int, memoryview]]:
+def _dump(kind: int, body: bytes) -> Iterator[tuple[int, memoryview]]:
     """What the kernel lists.  Raises OSError where it does not answer."""
     with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, socket.NETLINK_ROUTE) as asking:
         asking.settimeout(1.0)
-        asking.send(_HEADER.pack(_HEADER.size + len(request), kind, _REQUEST_DUMP, 1, 0) + request)
+        asking.send(request(kind, REQUEST_DUMP, body))
         while True:
-            for answer, content in _messages(asking.recv(_RECEIVE)):
-                if answer == _DONE:
+            for answer, content in messages(asking.recv(_RECEIVE)):
+                if answer == DONE:
                     return
-                if answer == _ERROR:
-                    (code,) = struct.unpack_from("=i", content)
-                    raise OSError(-code, os.strerror(-code))
+                if answer == ERROR:
+                    raise OSError(error_of(content), os.strerror(error_of(content)))
                 yield answer, content
 
 
@@ -96,7 +71,7 @@ def addresses_taken(index: int) -> frozenset[bytes]:
     try:
         for _, content in _dump(_GET_NEIGHBOUR, _NEIGHBOUR.pack(socket.AF_BRIDGE, index, 0, 0, 0)):
             if len(content) >= _NEIGHBOUR.size and _NEIGHBOUR.unpack_from(content)[1] == index:
-                address = _link_layer_address(content[_NEIGHBOUR.size :])
+                address = attributes(content[_NEIGHBOUR.size :]).get(_LINK_LAYER_ADDRESS)
                 if address is not None:
                     found.add(address)
     except OSError as exc:
@@ -227,7 +202,7 @@ class Egress:
             # the kernel had no room for its reports (ENOBUFS)
             self._ask_again(self._changes)
             return
-        for kind, content in _messages(data):
+        for kind, content in messages(data):
             if kind not in {_NEW_LINK, _DELETED_LINK} or len(content) < _INTERFACE.size:
                 continue
             _family, _type, index, flags, _change = _INTERFACE.unpack_from(content)

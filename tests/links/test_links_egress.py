@@ -12,7 +12,8 @@ from opened_link import opened
 from pnfarm.errors import EnvironmentError_
 from pnfarm.links import egress as exits_module
 from pnfarm.links.base import MULTICAST_DCP_IDENTIFY, PortSpec
-from pnfarm.links.egress import _link_layer_address, _messages, addresses_taken, egress_of
+from pnfarm.links.egress import addresses_taken, egress_of
+from pnfarm.links.kernel.netlink import attributes, messages
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.veth import VethLink
 
@@ -181,8 +182,8 @@ def test_an_interface_that_is_not_there_takes_no_addresses(namespace):
 
 @given(st.binary(max_size=300))
 def test_any_octets_are_read_as_messages_without_an_error(data):
-    for _kind, content in _messages(data):
-        _link_layer_address(content)
+    for _kind, content in messages(data):
+        attributes(content)
 
 
 @given(st.lists(st.tuples(st.integers(0, 60), st.binary(max_size=40)), max_size=5))
@@ -190,4 +191,4 @@ def test_messages_are_taken_apart_as_they_were_put_together(parts):
     data = b""
     for kind, content in parts:
         data += struct.pack("=IHHII", 16 + len(content), kind, 0, 0, 0) + content + bytes(-len(content) % 4)
-    assert [(kind, bytes(content)) for kind, content in _messages(data)] == parts
+    assert [(kind, bytes(content)) for kind, content in messages(data)] == parts

@@ -34,22 +34,29 @@ from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Self
 
 from pnfarm.errors import EnvironmentError_
+from pnfarm.links.kernel.netlink import (
+    DONE,
+    ERROR,
+    REQUEST_ACK,
+    REQUEST_DUMP,
+    attribute,
+    attributes,
+    error_of,
+    messages,
+    request,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
 __all__ = ["attach", "detach", "remove_rules", "renew"]
 
-_HEADER = struct.Struct("=IHHII")  # nlmsghdr
 _ADDRESS = struct.Struct("=BBBBI")  # ifaddrmsg
 _ROUTE = struct.Struct("=BBBBBBBBI")  # rtmsg, fib_rule_hdr
-_ATTRIBUTE = struct.Struct("=HH")
 
 _NEW_ADDRESS, _DEL_ADDRESS = 20, 21
 _NEW_ROUTE, _DEL_ROUTE = 24, 25
 _NEW_RULE, _DEL_RULE, _GET_RULE = 32, 33, 34
-_NLMSG_ERROR, _NLMSG_DONE = 2, 3
-_REQUEST_ACK, _REQUEST_DUMP = 0x0005, 0x0301
 _CREATE, _EXCLUSIVE, _REPLACE = 0x0400, 0x0200, 0x0100
 
 # if_addr.h
@@ -90,55 +97,35 @@ class _Netlink:
 
         With ``down`` an interface that is down needs no such route.
         """
-        self._socket.send(_HEADER.pack(_HEADER.size + len(body), kind, _REQUEST_ACK | flags, 1, 0) + body)
-        answer = self._socket.recv(8192)
-        (code,) = struct.unpack_from("=i", answer, _HEADER.size)
-        if code and not (gone and -code in _GONE) and not (down and -code == errno.ENETDOWN):
-            raise OSError(-code, os.strerror(-code))
+        self._socket.send(request(kind, REQUEST_ACK | flags, body))
+        code = next(error_of(content) for _, content in messages(self._socket.recv(8192)))
+        if code and not (gone and code in _GONE) and not (down and code == errno.ENETDOWN):
+            raise OSError(code, os.strerror(code))
 
     def rules(self) -> list[dict[int, bytes]]:
         """The attributes of every IPv4 rule."""
         body = _ROUTE.pack(socket.AF_INET, 0, 0, 0, 0, 0, 0, 0, 0)
-        self._socket.send(_HEADER.pack(_HEADER.size + len(body), _GET_RULE, _REQUEST_DUMP, 1, 0) + body)
+        self._socket.send(request(_GET_RULE, REQUEST_DUMP, body))
         found: list[dict[int, bytes]] = []
         while True:
-            answer = self._socket.recv(1 << 20)
-            position = 0
-            while position + _HEADER.size <= len(answer):
-                length, kind, *_ = _HEADER.unpack_from(answer, position)
-                if kind in {_NLMSG_DONE, _NLMSG_ERROR}:
+            for kind, rule in messages(self._socket.recv(1 << 20)):
+                if kind in {DONE, ERROR}:
                     return found
-                message = answer[position + _HEADER.size : position + length]
-                found.append(_attributes(message[_ROUTE.size :]) | {0: message[1:3]})
-                position += max(length + -length % 4, _HEADER.size)
-
-
-def _attributes(data: bytes) -> dict[int, bytes]:
-    found: dict[int, bytes] = {}
-    while len(data) >= _ATTRIBUTE.size:
-        length, kind = _ATTRIBUTE.unpack_from(data)
-        found[kind] = data[_ATTRIBUTE.size : length]
-        data = data[max(length + -length % 4, _ATTRIBUTE.size) :]
-    return found
-
-
-def _attribute(kind: int, payload: bytes) -> bytes:
-    length = _ATTRIBUTE.size + len(payload)
-    return _ATTRIBUTE.pack(length, kind) + payload + bytes(-length % 4)
+                found.append(attributes(rule[_ROUTE.size :]) | {0: bytes(rule[1:3])})
 
 
 def _number(kind: int, value: int) -> bytes:
-    return _attribute(kind, struct.pack("=I", value))
+    return attribute(kind, struct.pack("=I", value))
 
 
 def _address(index: int, interface: IPv4Interface, seconds: int = 0) -> bytes:
     """``seconds``: after which the kernel takes it away by itself; 0: it stays."""
     octets = interface.ip.packed
     body = _ADDRESS.pack(socket.AF_INET, interface.network.prefixlen, 0, _SCOPE_UNIVERSE, index)
-    body += _attribute(_IFA_LOCAL, octets) + _attribute(_IFA_ADDRESS, octets)
+    body += attribute(_IFA_LOCAL, octets) + attribute(_IFA_ADDRESS, octets)
     body += _number(_IFA_FLAGS, _IFA_F_NOPREFIXROUTE)
     # preferred and valid
-    return body + (_attribute(_IFA_CACHEINFO, struct.pack("=4I", seconds, seconds, 0, 0)) if seconds else b"")
+    return body + (attribute(_IFA_CACHEINFO, struct.pack("=4I", seconds, seconds, 0, 0)) if seconds else b"")
 
 
 def _route(
@@ -155,10 +142,10 @@ def _route(
     body = _ROUTE.pack(socket.AF_INET, prefix, 0, 0, short, _PROTOCOL if table != _TABLE_LOCAL else 0, scope, kind, 0)
     body += _number(_RTA_TABLE, table) + _number(_RTA_OIF, index)
     if prefix:
-        body += _attribute(_RTA_DST, to.packed)
+        body += attribute(_RTA_DST, to.packed)
     if source is not None:
-        body += _attribute(_RTA_PREFSRC, source.packed)
-    return body + (_attribute(_RTA_GATEWAY, gateway.packed) if gateway is not None else b"")
+        body += attribute(_RTA_PREFSRC, source.packed)
+    return body + (attribute(_RTA_GATEWAY, gateway.packed) if gateway is not None else b"")
 
 
 def _rules(name: str, interface: IPv4Interface, table: int) -> tuple[bytes, bytes]:
@@ -166,8 +153,8 @@ def _rules(name: str, interface: IPv4Interface, table: int) -> tuple[bytes, byte
         head = _ROUTE.pack(socket.AF_INET, 0, bits, 0, 0, 0, 0, _ACTION_TO_TABLE, 0)
         return head + which + _number(_FRA_PRIORITY, priority) + _number(_FRA_TABLE, table)
 
-    of_interface = rule(0, _attribute(_FRA_IIFNAME, name.encode() + b"\0"), OF_INTERFACES)
-    return of_interface, rule(32, _attribute(_FRA_SRC, interface.ip.packed), OF_ADDRESSES)
+    of_interface = rule(0, attribute(_FRA_IIFNAME, name.encode() + b"\0"), OF_INTERFACES)
+    return of_interface, rule(32, attribute(_FRA_SRC, interface.ip.packed), OF_ADDRESSES)
 
 
 def renew(addresses: Sequence[tuple[int, IPv4Interface]], seconds: int) -> int:
@@ -249,5 +236,5 @@ def remove_rules(names: Collection[str]) -> int:
         for rule in doomed:
             head = _ROUTE.pack(socket.AF_INET, *rule[0], 0, 0, 0, 0, _ACTION_TO_TABLE, 0)
             kinds = (_FRA_SRC, _FRA_IIFNAME, _FRA_PRIORITY, _FRA_TABLE)
-            kernel.ask(_DEL_RULE, 0, head + b"".join(_attribute(k, rule[k]) for k in kinds if k in rule), gone=True)
+            kernel.ask(_DEL_RULE, 0, head + b"".join(attribute(k, rule[k]) for k in kinds if k in rule), gone=True)
         return len(doomed)

@@ -22,18 +22,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_
+from pnfarm.links.kernel.netlink import ERROR, REQUEST_ACK, attribute, error_of, messages, request
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 __all__ = ["Marked", "bring_up", "silence"]
 
-_HEADER = struct.Struct("=IHHII")  # nlmsghdr
 _LINK = struct.Struct("=BxHiII")  # ifinfomsg
-_ATTRIBUTE = struct.Struct("=HH")
 _RTM_SETLINK = 19
-_NLMSG_ERROR = 2
-_NLM_F_REQUEST_ACK = 0x0005
 _NLA_F_NESTED = 0x8000
 
 _IFLA_IFALIAS = 20
@@ -125,13 +122,8 @@ def _source_check() -> int:
     return 0 if of_all == "0" else 2
 
 
-def _attribute(kind: int, payload: bytes) -> bytes:
-    length = _ATTRIBUTE.size + len(payload)
-    return _ATTRIBUTE.pack(length, kind) + payload + bytes(-length % 4)
-
-
 def _nested(kind: int, payload: bytes) -> bytes:
-    return _attribute(kind | _NLA_F_NESTED, payload)
+    return attribute(kind | _NLA_F_NESTED, payload)
 
 
 def _link_message(index: int, flags: int, change: int, attributes: bytes) -> bytes:
@@ -139,49 +131,39 @@ def _link_message(index: int, flags: int, change: int, attributes: bytes) -> byt
 
 
 def _set_silent(interface: Marked, with_ipv6: bool) -> bytes:
-    conf = _attribute(_DEVCONF_FORWARDING, struct.pack("=I", 0))
+    conf = attribute(_DEVCONF_FORWARDING, struct.pack("=I", 0))
     if interface.kernel:
         for setting, value in (*_WITH_ADDRESS, (_DEVCONF_RP_FILTER, _source_check())):
-            conf += _attribute(setting, struct.pack("=I", value))
+            conf += attribute(setting, struct.pack("=I", value))
     else:
         # a bridge that answered for a controller's address elsewhere in this namespace would take its frames away
         ignored = _ARP_IGNORE_OTHERS if interface.arp else _ARP_IGNORE_ALL
-        conf += _attribute(_DEVCONF_ARP_IGNORE, struct.pack("=I", ignored))
-    conf += _attribute(_DEVCONF_ARP_NOTIFY, struct.pack("=I", 0))
+        conf += attribute(_DEVCONF_ARP_IGNORE, struct.pack("=I", ignored))
+    conf += attribute(_DEVCONF_ARP_NOTIFY, struct.pack("=I", 0))
     families = _nested(socket.AF_INET, _nested(_IFLA_INET_CONF, conf))
     if with_ipv6:
-        mode = _attribute(_IFLA_INET6_ADDR_GEN_MODE, bytes([_ADDR_GEN_MODE_NONE]))
+        mode = attribute(_IFLA_INET6_ADDR_GEN_MODE, bytes([_ADDR_GEN_MODE_NONE]))
         families += _nested(socket.AF_INET6, mode)
-    attributes = _attribute(_IFLA_IFALIAS, interface.alias.encode()) + _nested(_IFLA_AF_SPEC, families)
+    attributes = attribute(_IFLA_IFALIAS, interface.alias.encode()) + _nested(_IFLA_AF_SPEC, families)
     return _link_message(
         interface.index, 0 if interface.arp or interface.kernel else _IFF_NOARP, _IFF_NOARP, attributes
     )
 
 
-def _transact(messages: Sequence[bytes]) -> None:
+def _transact(bodies: Sequence[bytes]) -> None:
     """Send RTM_SETLINK requests and wait for every acknowledgement; the first refusal is raised as OSError."""
     with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, socket.NETLINK_ROUTE) as sock:
         sock.bind((0, 0))
         sock.settimeout(10.0)
         first_error = 0
-        for start in range(0, len(messages), _PER_BATCH):
-            batch = messages[start : start + _PER_BATCH]
-            datagram = bytearray()
-            for sequence, message in enumerate(batch, 1):
-                padded = message + bytes(-len(message) % 4)
-                length = _HEADER.size + len(message)
-                datagram += _HEADER.pack(length, _RTM_SETLINK, _NLM_F_REQUEST_ACK, sequence, 0) + padded
-            sock.send(datagram)
+        for start in range(0, len(bodies), _PER_BATCH):
+            batch = bodies[start : start + _PER_BATCH]
+            sock.send(b"".join(request(_RTM_SETLINK, REQUEST_ACK, one, number) for number, one in enumerate(batch, 1)))
             waiting = len(batch)
             while waiting:
-                answer = sock.recv(65536)
-                position = 0
-                while position + _HEADER.size + 4 <= len(answer):
-                    length, kind, _flags, _sequence, _port = _HEADER.unpack_from(answer, position)
-                    if kind == _NLMSG_ERROR:
-                        (code,) = struct.unpack_from("=i", answer, position + _HEADER.size)
-                        first_error = first_error or -code
+                for kind, content in messages(sock.recv(65536)):
+                    if kind == ERROR:
+                        first_error = first_error or error_of(content)
                         waiting -= 1
-                    position += max(length + -length % 4, _HEADER.size)
             if first_error:
                 raise OSError(first_error, os.strerror(first_error))
