@@ -15,6 +15,7 @@ from pnfarm.protocols.ip.claim import AddressClaim, ClaimSign, ClaimState
 from pnfarm.station.events import AddressConflict, AddressConflictOver, AddressNotUsed
 from pnfarm.wire.arp import OPERATION_REPLY, OPERATION_REQUEST, ArpPacket, emit_arp, parse_arp
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, EthernetFrame, emit_ethernet, parse_ethernet
+from pnfarm.wire.mac import BROADCAST, NIL
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DeviceAddress"]
 
-BROADCAST: Final = b"\xff" * 6
-NIL: Final = bytes(6)
 UNSPECIFIED: Final = IPv4Address(0)
 #: A host announces its address against another one at most so often (RFC 5227, 1.1: DEFEND_INTERVAL).
 DEFEND_NS: Final = 10_000_000_000

@@ -15,6 +15,7 @@ from pnfarm.protocols.profinet.wire.cm.connect import (
     ArVendorBlockRes,
 )
 from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockRes
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.block import Block
 
 __all__ = ["connect_response", "fill"]
-
-#: The device's RPC server port, for an ARRPCBlockRes.
-_RPC_PORT = 34964
 
 
 def fill(ar: Ar, request: ConnectRequest, layouts: tuple[IocrLayout, ...], others: Iterable[Ar]) -> None:
@@ -67,7 +65,7 @@ def connect_response(
     if ar.module_diff is not None:
         blocks.append(ar.module_diff)
     if request.rpc is not None:
-        blocks.append(ArRpcBlockRes(_RPC_PORT))
+        blocks.append(ArRpcBlockRes(RPC_PORT))
     if station_name and not ar.device_access:
         blocks.append(ArServerBlock(station_name.encode("ascii", "replace")))
     blocks += [ArVendorBlockRes(v.ap_structure_identifier, v.api) for v in request.vendor]
