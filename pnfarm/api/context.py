@@ -81,7 +81,6 @@ class ApiContext(Context):
         return f'"{self.instance}-{revision}"'
 
     def view(self, axis: Axis) -> dict[str, Any]:
-        """One drive as it is now."""
         return drive_snapshot(self.core, axis, self.now())
 
     def record(self, event: Event, drive: str = "") -> None:

@@ -163,7 +163,6 @@ class Bus(ABC):
         return type(self).__name__
 
     def _room(self, name: str) -> ModuleType:
-        """A module of its folder."""
         return import_module(f"{self.folder}.{name}")
 
     def _own(self, room: str, name: str) -> Any:

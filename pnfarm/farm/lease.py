@@ -109,7 +109,6 @@ class Lease:
         return now < self.until_ns
 
     def next_request(self, now: int) -> int:
-        """When the next request is due."""
         return now if self._due_ns is None else self._due_ns
 
     def asked(self, now: int) -> int:

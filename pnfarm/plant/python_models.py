@@ -137,7 +137,6 @@ class PythonModels:
             self._caller.run(call, self.limit_ns)
 
     def work(self, now: int) -> Work:
-        """The steps that are due."""
         with self._calling:
             for model in self._models:
                 if model.due_ns <= now and not model.failure:

@@ -128,7 +128,6 @@ class DriveSignal:
     is_said: bool = False
 
     def now(self, station: Axis) -> Value:
-        """Its value."""
         if self.is_said and not station.powered:
             return False if self.form == "bit" else 0
         return self.read(station)

@@ -173,7 +173,6 @@ class Trace:
 
 
 def _values(chosen: ColumnPlace, samples: Any) -> Any:
-    """A column of the samples."""
     values = samples[:, 1 + chosen.probe]
     if chosen.signal.is_real:
         return values

@@ -39,7 +39,6 @@ class Part:
 
     @property
     def own(self) -> str:
-        """Its text."""
         return self.text[self.start : self.value.end]
 
     @property

@@ -40,8 +40,6 @@ class ChecksumState(Enum):
 
 @value_class
 class UdpDatagram:
-    """One datagram."""
-
     source_port: int
     destination_port: int
     data: bytes

@@ -50,8 +50,6 @@ class PlantView(Schema):
 
 
 class PlantHost(Protocol):
-    """Who has the plant."""
-
     async def plant(self) -> dict[str, Any]: ...
 
 

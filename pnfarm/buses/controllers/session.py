@@ -82,7 +82,6 @@ class Session:
 
     @property
     def rows(self) -> range:
-        """The rows of all its axes."""
         return range(self.row, self.row + len(self.plan.axes))
 
     @property

@@ -48,7 +48,6 @@ def wants_stored(section: Section, key: str, parameters: Mapping[int, Parameter]
 
 
 def read_limits(section: Section) -> Limits:
-    """The section ``limits``."""
     limits: Limits = section.build(Limits)
     if type(limits.alarms) is not bool:
         raise section.wrong("alarms", f"{limits.alarms!r} is neither true nor false")

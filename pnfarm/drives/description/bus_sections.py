@@ -54,7 +54,6 @@ def read_dap(dap: Mapping[str, Any], place: Callable[[str], str]) -> Module:
 
 
 def read_description_file(section: Section) -> DescriptionFile | None:
-    """The section ``description_file``."""
     if not section:
         return None
     file: DescriptionFile = section.build(DescriptionFile)
@@ -71,7 +70,6 @@ def read_description_file(section: Section) -> DescriptionFile | None:
 def read_communication_loss(
     section: Section, faults: Mapping[int, Fault], parameters: Mapping[int, Parameter]
 ) -> CommunicationLoss:
-    """The section ``communication_loss``."""
     loss: CommunicationLoss = section.build(CommunicationLoss)
     loss = replace(loss, fault=number_of_fault(str(loss.fault), partial(section.where, "fault")))
     if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys() - {0}:
@@ -113,7 +111,6 @@ def read_access(section: Section, parameters: Mapping[int, Parameter]) -> Parame
 
 
 def read_address_mode(section: Section, parameters: Mapping[int, Parameter]) -> AddressMode | None:
-    """The section ``address_mode``."""
     if not section:
         return None
     mode: AddressMode = section.build(AddressMode)
@@ -126,7 +123,6 @@ def read_address_mode(section: Section, parameters: Mapping[int, Parameter]) -> 
 
 
 def read_lamps(section: Section) -> Lamps | None:
-    """The section ``lamps``."""
     if not section:
         return None
     lengths = {len(value) if isinstance(value, tuple) else 0 for value in section.values_by_key().values()}
@@ -152,7 +148,6 @@ def read_diagnoses(section: Section, faults: Mapping[int, Fault], limits: Limits
 
 
 def read_diagnosis_coding(section: Section, parameters: Mapping[int, Parameter]) -> DiagnosisCoding | None:
-    """The section ``diagnosis_coding``."""
     if not section:
         return None
     coding: DiagnosisCoding = section.build(DiagnosisCoding)

@@ -186,7 +186,6 @@ class Table(dict[str, Any]):
         return f"{self._places.get(key, self._place)}, {key}" if key else self._place
 
     def wrong(self, key: str, what: str) -> ConfigError:
-        """The error of a key."""
         return ConfigError(f"{self.where(key)}: {what}")
 
     def required(self, key: str) -> Any:

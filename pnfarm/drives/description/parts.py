@@ -245,7 +245,6 @@ class PositionUnits:
 
     @property
     def numbers(self) -> frozenset[int]:
-        """All the PNUs."""
         return frozenset({self.scaling, self.unit, self.numerator, self.denominator} - {0})
 
 
@@ -261,7 +260,6 @@ class FactorGroup:
 
     @property
     def numbers(self) -> frozenset[int]:
-        """All of them."""
         return frozenset({self.numerator, self.denominator, self.speed, self.acceleration, self.torque})
 
 
@@ -281,7 +279,6 @@ class ControlLimits:
 
     @property
     def numbers(self) -> frozenset[int]:
-        """All of them."""
         return frozenset(astuple(self))
 
 

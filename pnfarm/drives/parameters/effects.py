@@ -47,7 +47,6 @@ def _acting_parameters(model: Model) -> frozenset[int]:
 
 
 def effect_of(model: Model, parameter: Parameter) -> Effect:
-    """The effect of a parameter of this model."""
     return model.effects.get(parameter.pnu) or _derived(model, model.canonical(parameter))
 
 

@@ -237,7 +237,6 @@ class ParameterStore:
 
     @property
     def telegram_number(self) -> int:
-        """Its number."""
         return self._selection.number
 
     @property

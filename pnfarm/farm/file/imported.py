@@ -45,7 +45,6 @@ class Record:
 
     @property
     def name(self) -> str:
-        """The farm's."""
         return str(parse_yaml(self.text).root.plain()["farm"])
 
     @property

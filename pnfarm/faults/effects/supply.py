@@ -33,7 +33,6 @@ class Supply(DrivePart):
 
     @property
     def powered(self) -> bool:
-        """Whether it is on."""
         return self._station.powered
 
     @property

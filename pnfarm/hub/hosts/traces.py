@@ -70,7 +70,6 @@ class HubTraces:
         return [shard for shard, answer in answers.good.items() if answer.good], missing
 
     async def _holder(self, trace_id: str) -> Shard:
-        """The shard that has a trace."""
         self._hub.check_any()
         no_steps(trace_id)
         found, missing = await self._holders(trace_id)

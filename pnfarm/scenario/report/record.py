@@ -275,7 +275,6 @@ class Record:
             self._latest.append(item)
 
     def counts(self) -> dict[str, int]:
-        """Cases by verdict."""
         return {verdict.value: sum(case.verdict is verdict for case in self.cases) for verdict in Verdict}
 
     def summary(self) -> dict[str, Any]:

@@ -49,7 +49,6 @@ def check_model(at: Location, group: ProfinetDrives, model: ModelFacts, report: 
 def _check_telegrams(
     at: Location, group: ProfinetDrives, asked: ProfinetDrives | ProfinetAxis, model: ModelFacts, report: Report
 ) -> None:
-    """The telegrams that the group, or an axis of it, asks for."""
     gone: set[int] = set()
     # a wrong list is reported with the identity
     with suppress(ConfigError):

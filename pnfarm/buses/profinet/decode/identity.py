@@ -14,7 +14,6 @@ __all__ = ["learn_identity", "numbers_of"]
 
 
 def numbers_of(model: Model) -> tuple[int, int]:
-    """VendorID and DeviceID."""
     return model.profidrive.identity.vendor_id, model.profidrive.identity.device_id
 
 

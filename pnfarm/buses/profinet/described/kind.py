@@ -114,11 +114,9 @@ class DescribedKind:
         """A device has no fault of its own for it."""
 
     def telegram(self) -> int:
-        """None."""
         return 0
 
     def telegram_of(self, module: ModuleDescription) -> int | None:
-        """None."""
         del module
         return None
 

@@ -143,5 +143,4 @@ class ProjectSlots:
 
 
 def _lengths(module: ModuleItem) -> tuple[int, int]:
-    """Octets of its inputs and outputs."""
     return sum(one.input_octets for one in module.submodules), sum(one.output_octets for one in module.submodules)

@@ -81,7 +81,6 @@ class _ParameterAccess:
         self._most = store.model.limits.max_parameters if strict else MAX_PARAMETERS
 
     def answer(self, request: ParameterRequest) -> ParameterResponse:
-        """The response."""
         access = self._store.model.access
         known = request.request_id in {REQUEST_READ, REQUEST_CHANGE}
         if not known and access.unknown_service_id:

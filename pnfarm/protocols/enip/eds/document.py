@@ -83,7 +83,6 @@ class Parameter:
 
     @property
     def bit_names(self) -> Mapping[int, str]:
-        """The names of its bits, where it is a bit string."""
         return self.enums if self.code in _BIT_STRINGS else {}
 
     @property

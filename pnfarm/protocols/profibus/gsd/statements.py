@@ -108,7 +108,6 @@ class GsdEntry:
         return (self.value if found is None else found[1]).strip()
 
     def number(self) -> int | None:
-        """The value as one number."""
         return gsd_number(self.value)
 
     def numbers(self) -> tuple[int, ...] | None:

@@ -121,7 +121,6 @@ class UserParameters:
         return max([*ends, *(place + value.octets for place, value in self.values)], default=0)
 
     def _inside(self) -> list[tuple[int, UserValue]]:
-        """Values whose octets are there."""
         return [(place, value) for place, value in self.values if place + value.octets <= self.octets]
 
     def defaults(self) -> bytes:

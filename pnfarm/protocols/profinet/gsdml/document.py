@@ -394,7 +394,6 @@ class Gsdml:
     remarks: tuple[str, ...] = field(default=(), compare=False)
 
     def module(self, wanted: str) -> ModuleItem | None:
-        """The module of this ID."""
         return next((m for m in self.modules if m.id == wanted), None)
 
     def submodule(self, wanted: str) -> SubmoduleItem | None:

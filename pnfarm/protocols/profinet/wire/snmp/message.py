@@ -153,12 +153,10 @@ def integer(value: int) -> Value:
 
 
 def octets(value: bytes) -> Value:
-    """OCTET STRING."""
     return Value(OCTET_STRING, value)
 
 
 def object_id(value: Oid) -> Value:
-    """OBJECT IDENTIFIER."""
     return Value(OBJECT_IDENTIFIER, value)
 
 
