@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.plant.fmi.planned import FmuModel
 from pnfarm.plant.python_file import ModelClass
 from pnfarm.signals.layers import EVERY
-from pnfarm.signals.refusal import SignalError
+from pnfarm.signals.refusal import SignalError, all_or_none
 from pnfarm.signals.signal import Signal
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
@@ -157,21 +157,10 @@ class PortSignals:
         self._hold(self._numbers[name], float(self._forced[name]) if name in self._forced else None)
 
     def _checked(self, values: Mapping[str, Value], *, forces: bool = False) -> dict[str, Value]:
-        found: dict[str, Value] = {}
-        refused = []
-        for name, value in values.items():
-            try:
-                signal = self.signal(name)
-                found[name] = self._value(name, signal, value, forces=forces)
-            except Problem as problem:
-                refused.append((name, problem.what, problem.allowed))
-            except SignalError as error:
-                refused += error.issues
-        if refused:
-            raise SignalError(refused)
-        return found
+        return all_or_none(values, lambda name, value: self._value(name, value, forces=forces))
 
-    def _value(self, name: str, signal: Signal, value: Value, *, forces: bool) -> Value:
+    def _value(self, name: str, value: Value, *, forces: bool) -> Value:
+        signal = self.signal(name)
         if signal.direction == "output":
             raise Problem("is an output of the plant", "an input")
         if name in self._wired and not forces:

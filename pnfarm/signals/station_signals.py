@@ -10,9 +10,8 @@ import re
 from typing import TYPE_CHECKING
 
 from pnfarm.signals.layers import EVERY, InputLayers
-from pnfarm.signals.refusal import SignalError
+from pnfarm.signals.refusal import SignalError, all_or_none
 from pnfarm.table.channel import IOXS_GOOD
-from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, few_hints, shown
 
 if TYPE_CHECKING:
@@ -191,20 +190,9 @@ class StationSignals:
 
     def _checked(self, values: Mapping[str, Value]) -> dict[Signal, Value]:
         """As they can be written; raises :class:`SignalError` with all that is wrong."""
-        found: dict[Signal, Value] = {}
-        refused = []
         with few_hints():
-            for name, value in values.items():
-                try:
-                    signal = self.signal(name)
-                    found[signal] = signal.check(value)
-                except Problem as problem:
-                    refused.append((name, problem.what, problem.allowed))
-                except SignalError as error:
-                    refused += error.issues
-        if refused:
-            raise SignalError(refused)
-        return found
+            found = all_or_none(values, lambda name, value: self.signal(name).check(value))
+        return {self.signal(name): value for name, value in found.items()}
 
     def _place(self, signal: Signal) -> int:
         return self._places[signal.slot, signal.subslot, "input"]
