@@ -267,12 +267,6 @@ class Farm:
         self.driver.poke()
         return injection
 
-    def clear_injections(self, injection_id: str | None = None) -> list[Injection]:
-        """End one injection, or all; returns those that ended.  Raises :class:`ConfigError` for an unknown id."""
-        cleared = self.injections.clear(injection_id, self.now())
-        self.driver.poke()
-        return cleared
-
     def check_rights(self) -> None:
         """Raises :class:`EnvironmentError_` where this process may not do what the farm's link needs."""
         require_for_link(unwrap(self.link).kind, f"farm {self.config.farm or 'farm'}")

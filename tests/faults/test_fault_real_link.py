@@ -99,7 +99,8 @@ async def test_a_pulled_cable_takes_the_interface_down_and_a_plugged_one_brings_
             assert not carrier(port)
             assert carrier(other)
             assert not await answers(wire)
-            farm.clear_injections(fault.id)
+            farm.injections.clear(fault.id, farm.now())
+            farm.poke()
             await asyncio.sleep(0.15)
             assert carrier(port)
             assert await answers(wire)
@@ -136,7 +137,8 @@ async def test_an_interface_of_the_kernel_gets_the_address_and_its_own_one_back(
         assert await has(parse_mac(OTHER))
         assert fault.evidence().confirmed
         assert farm.core.axes[1].port.mac != parse_mac(OTHER)
-        farm.clear_injections(fault.id)
+        farm.injections.clear(fault.id, farm.now())
+        farm.poke()
         heard.clear()
         assert await has(own)
         assert farm.core.injections.drive("axis-01").part(ADAPTER).in_force() == []

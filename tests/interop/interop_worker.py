@@ -173,7 +173,8 @@ class FarmWorker:
 
     def do_clear(self):
         """End every injection; the time after it, as in a capture."""
-        self.farm.clear_injections()
+        self.farm.injections.clear(None, self.farm.now())
+        self.farm.poke()
         return time.time()
 
     def do_abort(self, name, reason):

@@ -55,7 +55,7 @@ NEIGHBOUR = NeighbourView(
     system_description="a controller",
     capabilities_supported=b"\x29",
     capabilities_enabled=b"\x01",
-    addresses=(ManagementAddress.ipv4(IPv4Address("10.77.0.9"), 7),),
+    addresses=(ManagementAddress(bytes((10, 77, 0, 9)), 7),),
     dot3=Dot3Port(mau_type=30),
     pno=PnoPort(line_delay_ns=120, tx_delay_ns=300, rx_delay_ns=310, station_name="plc"),
 )
@@ -82,7 +82,7 @@ VIEW = SnmpView(
         ),
         system_name="axis-01",
         system_description="AKD and so on",
-        addresses=(ManagementAddress.ipv4(IPv4Address("10.77.0.11"), 3),),
+        addresses=(ManagementAddress(bytes((10, 77, 0, 11)), 3),),
         neighbours=(NEIGHBOUR, replace(NEIGHBOUR, index=4, chassis_id=b"other", dot3=None, pno=None, addresses=())),
         statistics=LldpStatistics(12_340_000_000, 2, 1, 0, 1),
     ),

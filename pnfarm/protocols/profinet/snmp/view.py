@@ -12,8 +12,6 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ipaddress import IPv4Address
-
     from pnfarm.protocols.profinet.wire.snmp.ber import Oid
 
 __all__ = [
@@ -124,10 +122,6 @@ class ManagementAddress:
     subtype: int = ADDRESS_IPV4
     if_subtype: int = IF_SUBTYPE_IFINDEX
     object_id: Oid = (0, 0)
-
-    @classmethod
-    def ipv4(cls, address: IPv4Address, if_index: int) -> ManagementAddress:
-        return cls(address.packed, if_index)
 
 
 @dataclass(frozen=True, slots=True)
