@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.station.event_log import listening
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
 
@@ -133,13 +135,7 @@ class MergedLog:
 
     def subscribe(self, subscriber: Callable[[HubEntry], None]) -> Callable[[], None]:
         """Call ``subscriber`` for each new entry; the returned function ends that."""
-        self._subscribers.append(subscriber)
-
-        def unsubscribe() -> None:
-            if subscriber in self._subscribers:
-                self._subscribers.remove(subscriber)
-
-        return unsubscribe
+        return listening(self._subscribers, subscriber)
 
     def follow(self, follower: Callable[[], None]) -> Callable[[], None]:
         """The same without the entry."""

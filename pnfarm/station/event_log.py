@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
 
@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
     from pnfarm.station.event import Event
 
-__all__ = ["EventLog", "LogEntry"]
+__all__ = ["EventLog", "LogEntry", "listening"]
+
+_T = TypeVar("_T")
 
 #: Entries kept for the whole farm, and for each drive.
 FARM_ENTRIES = 4096
@@ -145,20 +147,19 @@ class EventLog:
 
     def subscribe(self, subscriber: Callable[[LogEntry], None]) -> Callable[[], None]:
         """Call ``subscriber`` for each event, one that is only counted as well; the returned function ends that."""
-        self._subscribers.append(subscriber)
-
-        def unsubscribe() -> None:
-            if subscriber in self._subscribers:
-                self._subscribers.remove(subscriber)
-
-        return unsubscribe
+        return listening(self._subscribers, subscriber)
 
     def follow(self, follower: Callable[[], None]) -> Callable[[], None]:
         """Call ``follower`` for each new entry; the returned function ends that."""
-        self._followers.append(follower)
+        return listening(self._followers, follower)
 
-        def unfollow() -> None:
-            if follower in self._followers:
-                self._followers.remove(follower)
 
-        return unfollow
+def listening(listeners: list[_T], listener: _T) -> Callable[[], None]:
+    """Put one into a list; the returned function takes it out again."""
+    listeners.append(listener)
+
+    def end() -> None:
+        if listener in listeners:
+            listeners.remove(listener)
+
+    return end
