@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sample_farm import sample_line
+from table_cell import cell
 
 from pnfarm.api.access.guard import OPEN_PATHS
 from pnfarm.api.app import make_app
@@ -15,15 +16,11 @@ __all__ = ["page"]
 METHODS = ("get", "post", "put", "patch", "delete")
 
 
-def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")
-
-
 def _operation(operation: dict[str, Any]) -> str:
     """Summary and first sentence of an operation."""
     summary = operation.get("summary", "")
     description = operation.get("description", "").split("\n\n")[0]
-    return _cell(description or summary)
+    return cell(description or summary)
 
 
 def _arguments(operation: dict[str, Any]) -> str:

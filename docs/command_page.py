@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import typer
+from table_cell import cell
 
 from pnfarm.cli.main import make_app
 
@@ -15,10 +16,6 @@ __all__ = ["page"]
 
 #: Types as the help shows them -> as a page does.
 _TYPES = {"<int range>": "N", "<int>": "N", "<float range>": "X", "<float>": "X", "<str>": "TEXT", "<path>": "FILE"}
-
-
-def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")
 
 
 def _commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:
@@ -40,7 +37,7 @@ def _row(parameter: Any, context: typer.Context) -> str:
         names = names.replace(typed, shown)
     named = parameter.envvar if isinstance(parameter.envvar, str) else ""
     variable = f" Also `{named}`." if named and named not in text else ""
-    return f"| `{_cell(names.replace('|', ' / '))}` | {_cell(text)}{variable} |"
+    return f"| `{cell(names.replace('|', ' / '))}` | {cell(text)}{variable} |"
 
 
 def page() -> str:

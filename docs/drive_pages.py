@@ -10,6 +10,7 @@ from typing import Any
 
 import assembly_types
 import manual_coverage
+from table_cell import cell
 
 from pnfarm.buses.registry import BUSES
 from pnfarm.drives.catalogue import model, models
@@ -36,10 +37,6 @@ IDENTITY = {
 }  # fmt: skip
 #: Models whose parameters and coverage are another's as well.
 SHARED = {"moog-msd-dp": "moog-msd", "profidrive-dp": "profidrive"}
-
-
-def _cell(text: object) -> str:
-    return " ".join(str(text).split()).replace("|", "\\|")
 
 
 def _hexadecimal(number: int) -> str:
@@ -70,7 +67,7 @@ def _telegrams(described: dict[str, Any]) -> list[str]:
         mapped = "mapped: parameters define the words"
         shown = (mapped, mapped) if one["free_mapping"] else (_words(out), _words(back))
         name = (one.get("identifiers") or f"0x{one['module_ident']:X}").upper().replace("0X", "0x")
-        row = f"| {one['number']} | {_cell(shown[0])} | {_cell(shown[1])} | {2 * len(out)} / {2 * len(back)} |"
+        row = f"| {one['number']} | {cell(shown[0])} | {cell(shown[1])} | {2 * len(out)} / {2 * len(back)} |"
         lines.append(f"{row} `{name}` |")
     beside = [
         f"Supplementary telegram {one['number']} (`supplementary: {one['number']}`), submodule "
@@ -96,13 +93,13 @@ def _sources(described: dict[str, Any]) -> list[str]:
             + ", ".join(f"{bit} {name}" for bit, name in enumerate(bits["names"]) if name)
             for bits in words
         )
-        lines.append(f"| {one['name']} | {one['bits']} | {_told(one)} | {_cell(names)} |")
+        lines.append(f"| {one['name']} | {one['bits']} | {_told(one)} | {cell(names)} |")
     return [*lines, ""]
 
 
 def _told(fact: dict[str, Any]) -> str:
     """A source and its note."""
-    return _cell(" ".join(filter(None, (fact["source"], f"({fact['note']})" if fact["note"] else ""))))
+    return cell(" ".join(filter(None, (fact["source"], f"({fact['note']})" if fact["note"] else ""))))
 
 
 def _identity(described: dict[str, Any]) -> list[str]:
@@ -131,7 +128,7 @@ def _identity(described: dict[str, Any]) -> list[str]:
         lines.append(f"| {title} | {shown} | {told} |")
     dap = described.get("dap")
     if dap:
-        lines.append(f"| access point, module ident | `0x{dap['module_ident']:X}` | {_cell(dap['module_source'])} |")
+        lines.append(f"| access point, module ident | `0x{dap['module_ident']:X}` | {cell(dap['module_source'])} |")
     return [*lines, ""]
 
 
@@ -150,7 +147,7 @@ def _limits(described: dict[str, Any]) -> list[str]:
     if loss:
         number = loss["value"]
         shown = f"F{number}" if isinstance(number, int) else f"error {number}"
-        lines.append(f"- Loss of the connection: {shown} ({_cell(loss['source'])}).")
+        lines.append(f"- Loss of the connection: {shown} ({cell(loss['source'])}).")
     return [*lines, ""]
 
 
@@ -207,8 +204,8 @@ def index() -> str:
         numbers = [str(one["number"]) for one in described["telegrams"]]
         shown = ", ".join(numbers) if len(numbers) < 12 else f"{', '.join(numbers[:7])} ... {numbers[-1]}"
         lines.append(
-            f"| [`{name}`]({name}.md) | {BUSES[described['bus']].title} | {_cell(described['manual'])}, "
-            f"{_cell(described['edition'])} | {shown or 'assemblies 101 and 102'} |"
+            f"| [`{name}`]({name}.md) | {BUSES[described['bus']].title} | {cell(described['manual'])}, "
+            f"{cell(described['edition'])} | {shown or 'assemblies 101 and 102'} |"
         )
     lines += ["", (NOTES / "index.md").read_text(encoding="utf-8").strip(), ""]
     return "\n".join(lines)

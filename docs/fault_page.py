@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from table_cell import cell
+
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.vocabulary.durations import format_duration, read_duration
 
@@ -11,10 +13,6 @@ if TYPE_CHECKING:
     from pnfarm.faults.kind import InjectionKind, ParamSpec
 
 __all__ = ["page"]
-
-
-def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")
 
 
 def _default(spec: ParamSpec) -> str:
@@ -28,31 +26,31 @@ def _default(spec: ParamSpec) -> str:
 
 
 def _section(kind: InjectionKind) -> list[str]:
-    lines = [f"### {kind.name}", "", _cell(kind.doc), ""]
+    lines = [f"### {kind.name}", "", cell(kind.doc), ""]
     takes = ["after", "after_cycles", *sorted(kind.takes)]
     lines += [
-        f"- An occurrence: {_cell(kind.occurrence)}.",
+        f"- An occurrence: {cell(kind.occurrence)}.",
         f"- Fields: {', '.join(f'`{field}`' for field in takes)}.",
     ]
     if kind.directions:
         others = ", ".join(f"`{direction}`" for direction in kind.directions[1:])
         lines.append(f"- Direction: `{kind.directions[0]}`{' unless given: ' + others if others else ' only'}.")
-    lines += [f"- On the wire: {_cell(kind.wire)}", f"- Controllers: {_cell(kind.reports)}", ""]
+    lines += [f"- On the wire: {cell(kind.wire)}", f"- Controllers: {cell(kind.reports)}", ""]
     for on in kind.on.values():
         if on.refused:
-            lines[-1:] = [f"- Drives on {on.title} refuse it: {_cell(on.refused)}.", ""]
+            lines[-1:] = [f"- Drives on {on.title} refuse it: {cell(on.refused)}.", ""]
             continue
-        told = [f"On the wire of {on.title}: {_cell(on.wire)}"] if on.wire else []
-        told += [f"Controllers on {on.title}: {_cell(on.reports)}"] if on.reports else []
+        told = [f"On the wire of {on.title}: {cell(on.wire)}"] if on.wire else []
+        told += [f"Controllers on {on.title}: {cell(on.reports)}"] if on.reports else []
         lines[-1:] = [*(f"- {text}" for text in told), ""]
     if kind.params:
         lines += ["| parameter | allowed | default | meaning |", "|---|---|---|---|"]
         for name, spec in kind.params.items():
             unit = f" [{spec.unit}]" if spec.unit else ""
-            allowed = _cell(spec.allowed)
+            allowed = cell(spec.allowed)
             here = [on.title for on in kind.on.values() if name in on.params]
             only = f"{' and '.join(here)}: " if here else ""
-            lines.append(f"| `{name}` | {allowed}{unit} | {_default(spec)} | {only}{_cell(spec.doc)} |")
+            lines.append(f"| `{name}` | {allowed}{unit} | {_default(spec)} | {only}{cell(spec.doc)} |")
         lines.append("")
     return lines
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from table_cell import cell
+
 from pnfarm.drives.catalogue import model, models
 from pnfarm.table.axis_codes import REACTION_COAST
 
@@ -14,16 +16,12 @@ if TYPE_CHECKING:
 __all__ = ["page"]
 
 
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
-
-
 def _rows(described: Model, named: BehaviourSet) -> list[str]:
     lines = []
     if named.readings:
         lines += ["| point | reading | source |", "|---|---|---|"]
         lines += [
-            f"| [`{point}`](../behaviour.md#{described.name}) | `{fact.value}` | {_cell(fact.source)} |"
+            f"| [`{point}`](../behaviour.md#{described.name}) | `{fact.value}` | {cell(fact.source)} |"
             for point, fact in named.readings.items()
         ]
         lines.append("")
@@ -36,7 +34,7 @@ def _rows(described: Model, named: BehaviourSet) -> list[str]:
             fault = described.faults[own.fault]
             reaction = fault.reaction if own.reaction is None else own.reaction
             stop = "" if fault.warning else "coasting" if reaction == REACTION_COAST else "a quick stop"
-            lines.append(f"| {own.fault} | {own.code} | {_cell(own.name)} | {stop} | {_cell(own.source)} |")
+            lines.append(f"| {own.fault} | {own.code} | {cell(own.name)} | {stop} | {cell(own.source)} |")
         lines.append("")
     if named.sources:
         lines += [*(f"- {short}: {text}" for short, text in named.sources.items()), ""]

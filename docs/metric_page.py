@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from sample_farm import sample_line
+from table_cell import cell
 
 from pnfarm.metrics.collector import FarmCollector
 
@@ -53,10 +54,6 @@ QUERIES: dict[str, tuple[str, str]] = {
 }
 
 
-def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")
-
-
 def page() -> str:
     """The page."""
     lines = [
@@ -92,7 +89,7 @@ def page() -> str:
             families = sorted(collector.gather().families(), key=lambda family: family.name)
             for family in families:
                 labels = ", ".join(f"`{label}`" for label in family.labels)
-                lines.append(f"| `{family.name}` | {family.kind} | {labels} | {_cell(family.documentation)} |")
+                lines.append(f"| `{family.name}` | {family.kind} | {labels} | {cell(family.documentation)} |")
         finally:
             collector.close()
     lines += [

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 
+from table_cell import cell
+
 from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.description.as_json import as_json
 from pnfarm.drives.parameters.effects import EFFECTS
 
 __all__ = ["behaviour", "effects", "parameters"]
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
 
 
 def behaviour() -> str:
@@ -48,7 +46,7 @@ def behaviour() -> str:
                 head = ("", "") if place else (f"`{point.name}`", point.about)
                 tail = ("", "") if place else (point.reason, point.source)
                 cells = (*head, f"`{reading.name}`{usual}", reading.does, *tail)
-                lines.append("| " + " | ".join(map(_cell, cells)) + " |")
+                lines.append("| " + " | ".join(map(cell, cells)) + " |")
         lines.append("")
     return "\n".join(lines)
 
@@ -86,5 +84,5 @@ def parameters(name: str) -> str:
             str(row["pnu"]), row["name"], row["type"] + elements, row["unit"], row["scale"],
             "" if row["elements"] else str(row["default"]), row["access"], row["effect"], source,
         )  # fmt: skip
-        lines.append("| " + " | ".join(map(_cell, cells)) + " |")
+        lines.append("| " + " | ".join(map(cell, cells)) + " |")
     return "\n".join([*lines, ""])
