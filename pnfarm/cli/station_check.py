@@ -59,7 +59,7 @@ def check_stations(file: Path, places: Sequence[str], *, seconds: float, baud: i
     }
     remarks = [remark for each in answers.values() for answer in each for remark in answer.remarks]
     remarks += [
-        f"the {bus.title} stations of the file were not asked: give --check {_wanted(bus)} as well"
+        f"the {bus.title} stations of the file were not read: give --check {_wanted(bus)} as well"
         for name, bus in registry.checking().items()
         if name in expected.keys() - answers.keys()
     ]

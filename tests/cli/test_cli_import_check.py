@@ -122,7 +122,7 @@ def test_several_places_are_one_plant_and_a_bus_that_was_not_asked_is_told(file,
     assert [line.split()[0] for line in done.out.splitlines() if " equal" in line] == ["profinet"] * 3 + ["ethernetip"]
     file.write_text(FILE.replace("veth", "veth, lines: {profibus: {pty: auto}}").partition("controller")[0] + SLAVE)
     done = pnfarm("import", "--check", "eth9", file)
-    assert (done.code, "the PROFIBUS stations of the file were not asked: give --check LINE" in done.out) == (1, True)
+    assert (done.code, "the PROFIBUS stations of the file were not read: give --check LINE" in done.out) == (1, True)
 
 
 @pytest.mark.parametrize(

@@ -155,7 +155,7 @@ def test_a_project_of_another_tool_is_refused_by_name_with_what_is_read(pnfarm, 
     for line in (("import", file), ("plc", "--project", file, "--interface", "eth9")):
         found = pnfarm(*line)
         assert (found.code, words in found.err) == (2, True)
-        assert "read are CAx data (.aml, .amlx), L5X, and SIMATIC AX (.hwl.yml)" in found.err
+        assert "supported are CAx data (.aml, .amlx), L5X, and SIMATIC AX (.hwl.yml)" in found.err
 
 
 def test_a_folder_without_such_files_is_refused(pnfarm, tmp_path):

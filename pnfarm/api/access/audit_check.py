@@ -79,7 +79,7 @@ class _Reading:
         """A record against those before it."""
         found = self.found
         if record["previous"] != found.digest:
-            what = "it does not follow from the line before: one was changed, added or taken out"
+            what = "it does not follow from the line before: one was changed, added or removed"
             found.add(found.wrong, place, what)
         if record["sequence"] != found.sequence + 1:
             found.add(found.wrong, place, f"it has number {record['sequence']} after {found.sequence}")

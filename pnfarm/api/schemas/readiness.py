@@ -44,7 +44,7 @@ class Visit(Schema):
     steps: Steps
     cycle_seconds: float | None = Field(description="Of an open connection, where its bus agrees one.")
     watchdog_seconds: float | None
-    ended: str = Field(description="How its last connection ended; empty while one stands.")
+    ended: str = Field(description="How its last connection ended; empty while one exists.")
     refusals: list[RefusalView]
     refusals_left_out: int = Field(description="Refusals beyond those that are kept.")
 
@@ -86,5 +86,5 @@ class ReadinessView(Schema):
     controllers: list[ControllerSeen]
     stations: tuple[StationReadiness, ...] = Field(description="In the order of the file.")
     missing: list[MissingStation] = Field(
-        description="What was asked for within the last minute and no station of the farm is."
+        description="Names and addresses that were requested within the last minute and that no station has."
     )

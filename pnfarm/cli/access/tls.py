@@ -34,8 +34,8 @@ def init(
 ) -> None:
     """Make an authority, and a certificate by it for the API; where there is an authority, only a new certificate.
 
-    ca.pem is for clients (`--tls-ca`), server.pem and server.key are for the farm. Keep ca.key where nobody reads it:
-    whoever has it can pose as the farm.  Needs cryptography: pip install 'pnfarm[tls]'.
+    ca.pem is for clients (`--tls-ca`), server.pem and server.key are for the farm. Keep ca.key secret:
+    with it, anybody can pose as the farm.  Needs cryptography: pip install 'pnfarm[tls]'.
     """
     try:
         from pnfarm.api.access.authority import make_certificate

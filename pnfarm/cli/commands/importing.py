@@ -93,8 +93,8 @@ def importing(
         typer.Option(
             "--merge",
             metavar="FILE",
-            help="Project or capture of the same plant, joined station by station; a project counts more than a "
-            "capture, the first project more than the next.  Repeatable.",
+            help="Project or capture of the same plant, joined station by station; a project has priority over a "
+            "capture, the first project over the next.  Repeatable.",
             show_default=False,
         ),
     ] = None,
@@ -105,11 +105,11 @@ def importing(
         ),
     ] = False,
     force: Annotated[
-        bool, typer.Option("--force", help="Replace FARM, and description files beside it, if they are there.")
+        bool, typer.Option("--force", help="Replace FARM, and description files beside it, if they exist.")
     ] = False,
     update: Annotated[
         bool,
-        typer.Option("--update", help="If FARM is there, change in it what the project changed; your changes stay."),
+        typer.Option("--update", help="If FARM exists, apply the project's changes to it; your changes stay."),
     ] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show what --update would change, or a first import add; write nothing.")
@@ -120,10 +120,10 @@ def importing(
     own: CheckOwnOption = 0,
     format_: FormatOption = Format.TABLE,
 ) -> None:
-    """Make a farm file of captures, with GSDML files for PROFINET devices, of an engineering project, or of both.
+    """Make a farm file from captures, with GSDML files for PROFINET devices, from an engineering project, or from both.
 
-    With --check, compare a plant that runs with the farm file FILE: exit code 0 if all is equal, else 1.  Its stations
-    are only asked.
+    With --check, compare a running plant with the farm file FILE: exit code 0 if all is equal, else 1.  The plant is
+    only read.
     """
     if check:
         from pnfarm.cli.station_check import check_stations
@@ -161,7 +161,7 @@ def importing(
         return
     if made.files:
         whence = (
-            "made of the capture; the maker's own in its place gives the data names"
+            "made from the capture; the maker's file instead gives the data names"
             if inputs.captured
             else "out of a zip file"
         )

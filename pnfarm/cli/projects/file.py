@@ -40,7 +40,7 @@ _BY_ROOT = {
     b"<TcSmItem": "a part of a project of TwinCAT, which is not read",
 }
 #: What is read, as an end of a refusal.
-READ = "read are CAx data (.aml, .amlx), L5X, and SIMATIC AX (.hwl.yml)"
+READ = "supported are CAx data (.aml, .amlx), L5X, and SIMATIC AX (.hwl.yml)"
 
 
 def is_project_file(file: Path) -> bool:

@@ -53,7 +53,7 @@ def read_inputs(
     if len(files) > 1 and any(file in projects for file in files):
         raise ConfigError(f"{projects[0]} is a project: give only this file, and further ones with --merge")
     if projects and not captures and not models:
-        raise ConfigError("--devices is for captures: a project says too little of a station's data")
+        raise ConfigError("--devices is for captures: a project does not describe all of a station's data")
     remarks: list[str] = []
     sources = [(file.name, _of_project(file, folders, base, remarks)) for file in projects]
     if captures:
