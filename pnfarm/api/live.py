@@ -121,7 +121,7 @@ class LiveViews:
     def __init__(self, context: ApiContext) -> None:
         self._context = context
         self._signals = LiveSignals(context.core.traces)
-        #: Made with the first page: a farm that nobody looks at has no cost.
+        #: Made with the first page: a farm without viewers has no cost.
         self._overview: Overview | None = None
         #: By device, while a client follows it.
         self._changes: WeakValueDictionary[str, SignalChanges] = WeakValueDictionary()

@@ -65,7 +65,7 @@ def _ends(drives: int) -> AbstractContextManager[tuple[Child, Child]]:
 
 
 def cyclic_packet(octets: int = 66) -> bytes:
-    """A class 1 packet of a connection of this size, from the EtherType on; its addresses are nobody's."""
+    """A class 1 packet of a connection of this size, from the EtherType on; its addresses are no station's."""
     data = struct.pack("<HHHIIHH", 2, 0x8002, 8, 1, 1, 0xB1, octets) + bytes(octets)
     udp = struct.pack("!HHHH", 2222, 2222, 8 + len(data), 0) + data
     addresses = bytes((10, 65, 0, 1, 10, 65, 0, 2))

@@ -65,7 +65,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class StationCheck:
-    """``state``: ``unread`` is there and equal as far as it could be read, ``extra`` nobody expects."""
+    """``state``: ``unread`` is there and equal as far as it could be read, ``extra`` is not expected."""
 
     name: str
     address: str

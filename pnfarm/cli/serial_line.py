@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["RFC2217", "is_place", "line_way", "run_on_line"]
 
-#: How long a way may take until somebody is at its other end.
+#: How long it may take until the far end is connected.
 OPEN_SECONDS: Final = 6.0
 #: The longest sleep between two looks at the work.
 _LOOK_SECONDS: Final = 0.02
@@ -67,7 +67,7 @@ def line_way(line: str, baud: int, option: str = "--line") -> LineWay:
 async def run_on_line(link: SerialLink, bus: str, station: str, make: Callable[[Any], Work]) -> Work:
     """``make(port)`` is the work, which is returned once it is done.
 
-    Raises :class:`EnvironmentError_` where nobody is at the line's other end.
+    Raises :class:`EnvironmentError_` where the line's far end is not connected.
     """
     (port,) = await link.open([port_spec(registry.bus(bus), station, b"")])
     try:

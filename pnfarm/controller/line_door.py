@@ -75,7 +75,7 @@ class LineDoor:
         return True
 
     async def close(self) -> None:
-        """Whoever waits for an answer gets none."""
+        """A client that waits for an answer gets none."""
         server, self._server = self._server, None
         if server is None:
             return
@@ -150,7 +150,7 @@ class _RefusedError(ParameterError):
 def ask_controller(where: str, question: LineQuestion) -> dict[str, Any] | None:
     """The answer of the controller that runs on this line; None where none of this machine does.
 
-    Raises what the controller was told, as :meth:`pnfarm.buses.line_parameters.Asked.result` does.
+    Raises what the controller got, as :meth:`pnfarm.buses.line_parameters.Asked.result` does.
     """
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as sock:
         sock.settimeout(ANSWER_SECONDS + 2 * _QUESTION_SECONDS)

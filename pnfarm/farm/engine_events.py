@@ -1,4 +1,4 @@
-"""The engine's events, read out of their ring, for the stations, the log and whoever waits for one."""
+"""The engine's events, read out of their ring, for the stations, the log and those that wait for one."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class EngineEvents:
             if station is not None:
                 touched[station.index] = station
         if lost:
-            # after the reports that are left: these tell of faults, too
+            # after the reports that are left: these have faults, too
             for axis in self._axes:
                 for number in axis.catch_up(now):
                     self._log.record(now, axis.configured_name, FaultRaised(number))

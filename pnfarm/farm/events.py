@@ -65,7 +65,7 @@ class LineReady(Event):
 
 @event("serial line opened")
 class LineOpened(Event):
-    """Somebody is at the other end of a serial line."""
+    """The far end of a serial line is connected."""
 
     where: str
 
@@ -81,7 +81,7 @@ class AnswersWithheld(Event):
 
 @event("serial line interrupted")
 class LineInterrupted(Event):
-    """Nobody is at the other end of a serial line any more, or its way broke; it is tried again."""
+    """The far end of a serial line is not connected any more, or its way broke; it is tried again."""
 
     reason: str
 

@@ -333,7 +333,7 @@ class Farm:
         loop = asyncio.get_running_loop()
 
         def carry(action: Callable[[], object]) -> None:
-            with contextlib.suppress(RuntimeError):  # the loop is closed: nobody waits for it
+            with contextlib.suppress(RuntimeError):  # the loop is closed: no task waits for it
                 loop.call_soon_threadsafe(action)
 
         plant.carry = carry

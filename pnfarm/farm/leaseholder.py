@@ -198,7 +198,7 @@ class Leaseholder:
     def _renew_addresses(self) -> None:
         """Give the kernel its addresses for as long as the lease lasts, once for each renewal.
 
-        The kernel counts whole seconds, and takes an address away up to a second late: by then nobody else has it.
+        The kernel counts whole seconds, and takes an address away up to a second late: by then no other process has it.
         """
         lease, link = self.state.lease, None if self._core is None else unwrap(self._core.link)
         if lease is None or lease.renewed_ns == self._renewed_ns or not isinstance(link, PacketLink):

@@ -29,7 +29,7 @@ __all__ = ["line_bus", "line_ways", "make_line", "make_lines"]
 _PTY_BAUD = 38_400
 #: Above this rate this process cannot keep what the bus permits, 0.1 ms and less: its user decides.
 FASTEST_KEPT = 1_500_000
-#: On a pty nobody is disturbed by what is late, and at 1.5 Mbit/s an answer in a hundred would be missing.
+#: On a pty a late answer disturbs no other station, and at 1.5 Mbit/s an answer in a hundred would be missing.
 FASTEST_KEPT_ON_PTY = 500_000
 
 

@@ -206,7 +206,7 @@ class VirtualWorld:
         return now
 
     def _show_inbound(self, controller: Columns, sent: int, now: int) -> None:
-        """Show what a controller sends to the farm in this tick, if somebody watches."""
+        """Show what a controller sends to the farm in this tick, if there is a capture."""
         if self._seen is None:
             return
         for row in controller.tx_row[:sent]:
@@ -215,7 +215,7 @@ class VirtualWorld:
                 self._seen(port, frame, now, "in")
 
     def _show_outbound(self, farm: Columns, sent: int, now: int) -> None:
-        """Show what the farm sends in this tick, if somebody watches."""
+        """Show what the farm sends in this tick, if there is a capture."""
         if self._seen is None:
             return
         for row in farm.tx_row[:sent]:

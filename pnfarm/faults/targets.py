@@ -70,7 +70,7 @@ def chosen(
     names = list(dict.fromkeys(one for name in names for one in hit(name)))
     wanted = len(names)
     if spec.share is not None:
-        # at least one: a share of few drives is not nobody
+        # at least one: a share of few drives is not zero
         wanted = max(1, math.floor(wanted * spec.share / 100.0 + 0.5))
     if spec.most is not None:
         wanted = min(wanted, spec.most)

@@ -160,7 +160,7 @@ class Hub(Context):
 
     @property
     def is_secure(self) -> bool:
-        """Whether it asks shards whose scheme nobody gave by TLS."""
+        """Whether it asks shards without a given scheme by TLS."""
         return self._trust is not None
 
     async def drop(self, shard: Shard) -> None:
@@ -249,7 +249,7 @@ class Hub(Context):
         return await self.each(self.shards, one)
 
     def partial(self, answers: Answers[Any]) -> dict[str, Any]:
-        """The members of an answer that say whose part is missing; raises AwayError where nobody's is there."""
+        """The members of an answer that say whose part is missing; raises AwayError if no shard's is there."""
         self.check_any()
         missing = [*self.missing(answers).values()]
         return {"partial": bool(missing), "unreachable": missing}
@@ -264,7 +264,7 @@ class Hub(Context):
         }
 
     def check_any(self) -> None:
-        """Raises :class:`AwayError` while there is nobody to ask."""
+        """Raises :class:`AwayError` while there is no shard to ask."""
         if not len(self.shards):
             why = "; ".join(f"{name}: {what}" for name, what in self.discovery.items() if what)
             raise AwayError("no shard is known yet" + (f" ({why})" if why else ""))

@@ -76,7 +76,7 @@ class HubLive:
         run = shard.instance, shard.since_ns
         try:
             async for event, data in self._hub.client(shard).stream(f"{PREFIX}/live", query=query):
-                # of drives at rest only a stream that starts again tells that they are back
+                # of drives at rest only a stream that starts again shows that they are back
                 if (shard.instance, shard.since_ns) != run or not shard.asked:
                     break
                 if event == "overview":

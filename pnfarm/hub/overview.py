@@ -65,7 +65,7 @@ class HubOverview:
         #: Whether a shard was there at the last look.
         self._asked: dict[Shard, bool] = {}
         self._texts: dict[int, bytes] = {}
-        # of shards that were forgotten while nobody looked
+        # of shards that were forgotten while no page was open
         self._engines = {shard: engine for shard, engine in self._engines.items() if shard in set(self._shards)}
 
     def _lose(self, shard: Shard) -> None:

@@ -7,7 +7,7 @@ SILENT   did not answer in time once: it is still asked for its drives, each tim
 AWAY     does not answer, or not as a farm does: requests for its drives are refused at once
 =======  =====================================================================================================
 
-One answer that is late is no loss: a machine under load has them.  A port that nobody listens on, or where another
+One answer that is late is no loss: a machine under load has them.  A port without a listener, or where another
 program does, has no such excuse.
 """
 

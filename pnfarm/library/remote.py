@@ -158,7 +158,7 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
         self._faults.pop(fault_id, None)
 
     async def reset(self) -> list[str]:
-        """End every injected fault of the farm, whoever injected it; the ids of those that ended."""
+        """End every injected fault of the farm, also those of other clients; the ids of those that ended."""
         found = await self.ask(self._client.post, "reset")
         self._faults.clear()
         return list(found["cleared"])

@@ -44,7 +44,7 @@ _SO_RCVBUFFORCE = 33
 
 #: How long a list of addresses is trusted, seconds: in a storm of connections it is asked for once.
 TRUSTED_SECONDS = 1.0
-#: How long one that has nobody else is trusted where a little is lost: LLDP comes again every few seconds.
+#: How long one that has no other is trusted where a little is lost: LLDP comes again every few seconds.
 TRUSTED_ALONE_SECONDS = 10.0
 
 
@@ -148,7 +148,7 @@ class Egress:
         """Whether what ``port`` sends to its cable's other end may leave through the parent.
 
         From a macvlan the kernel offers a group's frame to each of its siblings, a tenth of a millisecond for a
-        thousand of them.  Only a macvlan of somebody else would want it.
+        thousand of them.  Only a macvlan of another program would want it.
         """
         if port not in self._ports or port in self._down:
             return False

@@ -32,7 +32,7 @@ class Carrier:
         def run() -> None:
             nonlocal spent
             if not done.set_running_or_notify_cancel():
-                # whoever asked is gone
+                # the client that asked is gone
                 return
             begun = time.perf_counter()
             try:

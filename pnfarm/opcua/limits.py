@@ -1,6 +1,6 @@
 """How much a client may ask for, so that it costs neither the farm's time nor its memory without bound.
 
-asyncua limits connections, subscriptions, queues and sessions that nobody activates when it is given the numbers; it
+asyncua limits connections, subscriptions, queues and sessions that are not activated when it is given the numbers; it
 does not limit the octets of a chunk that never ends, the answers that a client does not read, sessions of one
 connection, registrations as a discovery server, intervals and what one request asks for: these are limited here.
 """
@@ -68,8 +68,8 @@ class BoundedInternalServer(InternalServer):
         self.max_keep_alive_count = 1000
 
     def create_session(self, name: Any, user: Any = None, external: bool = False) -> InternalSession:
-        """One for a client; it ends where nobody activates it."""
-        del user  # until the session is activated, nobody
+        """One for a client; it ends if it is not activated."""
+        del user  # until the session is activated, no user
         if len(self._sessions) >= MOST_SESSIONS:
             raise ServiceError(ua.StatusCodes.BadTooManySessions)
         session = self._make_session(self, self.aspace, self.subscription_service, name, external=external)

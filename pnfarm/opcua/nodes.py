@@ -1,6 +1,6 @@
 """The nodes of a farm in the server's address space, and their values.
 
-Folders and owners are made at the start; an owner's signals, when somebody first asks for one of them, so that 500
+Folders and owners are made at the start; an owner's signals, when a client first asks for one of them, so that 500
 drives cost nothing.  A value is read from the farm when it is asked for and older than the interval, and again each
 interval while somebody has subscribed to it.
 """
@@ -49,7 +49,7 @@ class FarmNodes:
         self._owners: set[str] = set()
         self._known: dict[ua.NodeId, Point] = {}
         self._read_at: dict[ua.NodeId, float] = {}
-        #: What somebody may have subscribed to.
+        #: What clients may have subscribed to.
         self._watched: set[ua.NodeId] = set()
         self._lock = asyncio.Lock()
 
@@ -173,19 +173,19 @@ class FarmNodes:
             self._read_at.pop(node, None)
 
     def watch(self, nodes: Iterable[ua.NodeId]) -> None:
-        """Somebody may have subscribed to these."""
+        """Clients may have subscribed to these."""
         aspace = self._server.iserver.aspace
         self._watched.update(n for n in nodes if (made := aspace.get(n)) is not None and _VALUE in made.attributes)
 
     @property
     def items(self) -> int:
-        """The monitored items of all clients; forgets what nobody watches any more."""
+        """The monitored items of all clients; forgets what no client watches any more."""
         counts = {node: len(self._holder(node).datachange_callbacks) for node in self._watched}
         self._watched = {node for node, count in counts.items() if count}
         return sum(counts.values())
 
     async def run(self) -> None:
-        """Read what somebody has subscribed to, each interval."""
+        """Read what clients have subscribed to, each interval."""
         while True:
             if self.items:
                 await self.refresh(list(self._watched))

@@ -93,7 +93,7 @@ class FarmPoints:
         return [] if each.signals is None else [self._of_owner(each, each.signals, name) for name in each.signals.names]
 
     def bit(self, owner: str, name: str) -> Point | None:
-        """A bit of a word of an axis, which has a node once somebody asks for it by its NodeId."""
+        """A bit of a word of an axis, which has a node once a client asks for it by its NodeId."""
         axis = self._axes.get(owner)
         if axis is None or "." not in name or name != name.lower() or _NUMBERED.fullmatch(name):
             return None

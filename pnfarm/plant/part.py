@@ -77,7 +77,7 @@ class PortSignals:
         return value != 0.0 if is_bit else value
 
     def is_free(self, name: str) -> bool:
-        """Whether it is an input that no wire writes, whoever has it now."""
+        """Whether it is an input that no wire writes, whatever its owner is now."""
         return self.signal(name).direction == "input" and name not in self._wired
 
     def number(self, name: str) -> int:

@@ -1,7 +1,7 @@
 """The state of a model in Python as plain JSON: what its ``save()`` gives, or its attributes.
 
 A model with ``save()`` and ``restore(state)`` decides itself.  Of any other, attributes that are numbers, switches,
-texts, None or lists of these are saved; the others are named, so that nobody relies on them.
+texts, None or lists of these are saved; the others are named, so that no user relies on them.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def put_state(model: Any, state: dict[str, Any]) -> None:
         model.restore(state["own"])
         return
     for name, value in [*vars(model).items()]:
-        # what nobody had set then has the value of the class again
+        # what was not set then has the value of the class again
         if name not in state["attributes"] and hasattr(type(model), name) and _is_plain(value):
             delattr(model, name)
     for name, value in state["attributes"].items():

@@ -84,7 +84,7 @@ class Flow(ABC):
     def cancel(self, now: int, why: str = "cancelled", *, broken: bool = False) -> None:
         """End before the last step; what did not run is reported as not run.
 
-        ``broken``: because the farm ended or failed, and not because somebody wished it.
+        ``broken``: because the farm ended or failed, and not at a user's request.
         """
         self._now = now
         if not self.finished:

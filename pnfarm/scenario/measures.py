@@ -108,7 +108,7 @@ def quantile(q: float, cumulative: Mapping[float, float]) -> float:
     for bound in sorted(cumulative):
         if cumulative[bound] >= wanted:
             if math.isinf(bound):
-                # nothing tells how far beyond the last bound it is
+                # how far beyond the last bound it is, is not known
                 return math.inf
             inside = cumulative[bound] - below
             return low + (bound - low) * ((wanted - below) / inside if inside else 1.0)

@@ -23,7 +23,7 @@ __all__ = ["EVERY", "InputLayers", "Owner", "Shape"]
 EVERY = "*"
 #: The value below -> the one that the controller gets; of the signal's type.
 Shape: TypeAlias = "Callable[[Value], Value]"
-#: ``default``: nobody has written it; ``controller``: an output.
+#: ``default``: it was never written; ``controller``: an output.
 Owner: TypeAlias = Literal["controller", "fault", "force", "plant", "value", "default"]
 
 
@@ -33,7 +33,7 @@ class InputLayers:
     def __init__(self, octets: bytes, place: Callable[[Signal], int]) -> None:
         self.written = octets
         self._place = place
-        #: Bits that somebody wrote, those of the plant, those that are forced, and those under a shape.
+        #: Bits that were written, those of the plant, those that are forced, and those under a shape.
         self._set = self._planted = self._forced = self._shaped = 0
         self._plant: dict[str, tuple[Signal, Value]] = {}
         self.forced: dict[str, tuple[Signal, Value]] = {}
@@ -69,7 +69,7 @@ class InputLayers:
         self.revision += 1
 
     def state(self) -> tuple[bytes, int]:
-        """What is written, and the bits that somebody wrote."""
+        """What is written, and the bits that were written."""
         return self.written, self._set
 
     def put_state(self, written: bytes, bits: int, forced: Mapping[str, tuple[Signal, Value]]) -> None:

@@ -13,7 +13,7 @@ __all__ = ["FRESH_NS", "Absent", "Wanted"]
 
 #: Entries kept; the one that was asked for longest ago goes first.
 MOST_WANTED = 64
-#: What nobody asked for in this time is not missed any more: controllers repeat a search each few seconds.
+#: What was not asked for in this time is not missed any more: controllers repeat a search each few seconds.
 FORGOTTEN_NS = 60_000_000_000
 #: A repetition this soon changes nothing: each port may get a copy of one frame.
 FRESH_NS = 100_000_000
@@ -36,7 +36,7 @@ class Absent:
         self._wanted: OrderedDict[tuple[str, Caller], Wanted] = OrderedDict()
 
     def note(self, name: str, caller: Caller, now: int) -> None:
-        """Somebody asks for a station that is not there."""
+        """A controller asks for a station that does not exist."""
         key = name, caller
         found = self._wanted.get(key)
         if found is None:

@@ -232,7 +232,7 @@ class Visits:
         found = next((visit for visit in self._visits if visit.caller.may_be(caller)), None)
         if found is None:
             if len(self._visits) >= MOST_CALLERS:
-                # the oldest of those with the least to tell
+                # the oldest of those with the fewest entries
                 self._visits.remove(min(self._visits, key=lambda visit: visit.worth))
             found = Visit(caller)
             self._visits.append(found)

@@ -29,7 +29,7 @@ def print_line(text: str = "") -> None:
 
 
 def print_next(step: str) -> None:
-    """What to do next, for somebody at a terminal; programs that read the output do not see it."""
+    """What to do next, for a user at a terminal; programs that read the output do not see it."""
     if sys.stdout.isatty():
         print_line(f"next: {step}")
 

@@ -64,7 +64,7 @@ class _Unread:
 @contextmanager
 def going_on_unread() -> Iterator[None]:
     """For commands that run until they are stopped, or whose exit code is a verdict: they come to their end and write
-    their files though nobody reads what they print any more, as in ``pnfarm run ... | head -1``.
+    their files although their output is not read any more, as in ``pnfarm run ... | head -1``.
     """
     before = sys.stdout
     sys.stdout = _Unread(before)

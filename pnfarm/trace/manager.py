@@ -74,7 +74,7 @@ class Trace:
     touched_ns: int
     triggered_by: str = ""
     deleted: bool = False
-    #: The state of the row of which the log was told.
+    #: The state of the row that the log has.
     told: int = codes.ARMED
     #: Called once the trace is complete or deleted.
     on_end: list[Callable[[], None]] = field(default_factory=list)
@@ -215,7 +215,7 @@ class TraceManager:
     def start(self, fields: Mapping[str, Any], now: int, *, keep_ns: int | None = None) -> Trace:
         """A trace from plain values as :meth:`.TraceRequest.parse` takes them; raises :class:`ConfigError`.
 
-        ``keep_ns``: how long it stays while nobody asks for it, unless ``keep`` says so; None: for ever.
+        ``keep_ns``: how long it stays while no client asks for it, unless ``keep`` says so; None: for ever.
         """
         request = TraceRequest.parse(fields, keep_ns=keep_ns)
         chosen = self._stations.chosen(request)
@@ -274,7 +274,7 @@ class TraceManager:
     # -- for the runtime ---------------------------------------------------------------------------------------------
 
     def handle_timeout(self, now: int) -> None:
-        """Remove the traces that nobody has asked for in their time, and free what the engine no longer uses."""
+        """Remove the traces that no client has asked for in their time, and free what the engine no longer uses."""
         self._look_ns = now + SEEN_NS
         for trace in list(self._traces.values()):
             keep = trace.request.keep_ns
@@ -380,7 +380,7 @@ class TraceManager:
         table.plain = any(place.octets for place in every)
         table.plant = any(place.source == codes.SOURCE_PLANT for place in every)
         table.trigger, table.fire_ns, table.started_ns = request.trigger.kind, 0, now
-        # the engine sets them in its first step; nobody is to read those of the trace before
+        # the engine sets them in its first step; those of the trace before must not be read
         table.head = table.missed = table.trigger_ns = 0
         probes = {first + len(places) + number: one.name for number, (one, _) in enumerate(watched)}
         return Trace(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["as_charts", "as_html", "as_svg", "as_text"]
 
-#: Charts of one drawing, and lines of one chart: more cannot be told apart.
+#: Charts of one drawing, and lines of one chart: more cannot be distinguished.
 MAX_CHARTS, MAX_LINES = 64, 16
 _BLOCKS = " ▁▂▃▄▅▆▇█"
 _COLOURS = ("#1f5fbf", "#c2410c", "#15803d", "#7c3aed", "#b91c1c", "#0e7490", "#a16207", "#be185d")

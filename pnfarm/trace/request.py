@@ -42,7 +42,7 @@ class TraceRequest:
     """``on``: globs over drives and devices; times in ns.
 
     A sample is due every ``interval_ns``; None: at every ``every``-th step of the engine, which is every millisecond.
-    ``keep_ns``: how long the trace stays while nobody asks for it, None for ever.
+    ``keep_ns``: how long the trace stays while no client asks for it, None for ever.
     """
 
     on: tuple[str, ...]

@@ -70,7 +70,7 @@ class CallingThread:
         raise Interrupted
 
     def give_up(self, call: Call) -> bool:
-        """From another thread: have nobody wait for the end of a call, and ask its thread to end by an exception.
+        """From another thread: let no caller wait for the end of a call, and ask its thread to end by an exception.
 
         That cannot end a call that waits in the kernel.  False if the call has ended.
         """

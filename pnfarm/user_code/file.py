@@ -22,7 +22,7 @@ __all__ = ["error_text", "line_of", "own_classes", "place_of", "placed", "run_fi
 
 #: Longest file, octets.
 MAX_OCTETS = 1_000_000
-#: Longest text of somebody's exception that is repeated.
+#: Longest text of a user's exception that is repeated.
 MAX_TEXT = 300
 _numbers = count(1)
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["in_unit", "show_quantity"]
 
-#: Significant digits that people read, and those that tell any two numbers apart.
+#: Significant digits that people read, and those that distinguish any two numbers.
 _FEW, _ALL = 4, 17
 #: Units that are no words after a number: a ratio, a count.
 _BARE = frozenset({"", "1"})

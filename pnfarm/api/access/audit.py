@@ -95,7 +95,7 @@ class AuditLog:
         self._note: int | None = None
         #: Answers that could not be written: they are the first to be, before any further request.
         self._owed: list[dict[str, Any]] = []
-        #: Held while a thread writes, also when nobody waits for it any more.
+        #: Held while a thread writes, also when no request waits for it any more.
         self._lock = asyncio.Lock()
         #: Part of a line is after the last record.
         self._half = False
@@ -174,7 +174,7 @@ class AuditLog:
                 logger.warning("audit log owes an answer", file=str(self.path), of=of, reason=_why(exc))
 
     def _refused(self, writing: asyncio.Future[int]) -> None:
-        """A request was written when nobody waited for it any more."""
+        """A request was written when no client waited for it any more."""
         if not writing.exception():
             self._owed.append({"record": "answer", "of": writing.result(), "status": HTTPStatus.SERVICE_UNAVAILABLE})
 
@@ -223,7 +223,7 @@ class AuditLog:
         if len(line) > MOST_LINE:
             raise OSError(errno.EMSGSIZE, os.strerror(errno.EMSGSIZE))
         if not self._is_in_place():
-            # a record in a file that nobody finds is none
+            # a record in a file that is not at its place is none
             raise OSError(errno.ESTALE, "the file is not in its place")
         if self._half:
             self._take_back()
@@ -290,7 +290,7 @@ class AuditLog:
             found = json.loads(text)
             return _Noted(int(found["sequence"]), str(found["digest"]), int(found["size"]))
         except (ValueError, KeyError, TypeError, OverflowError):
-            # somebody wrote into it: nothing fits it
+            # another program wrote into it: nothing fits it
             return _Noted(0, "", -1)
 
     def _compare(self, noted: _Noted | None, *, was_there: bool) -> str:

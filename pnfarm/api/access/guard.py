@@ -108,7 +108,7 @@ class Guard:
             await self._answer_stranger(request, holder, send)
 
     async def _answer_stranger(self, request: Request, holder: Holder | None, send: Send) -> None:
-        """A newcomer gets the place of the one for which the farm has waited longest, so that nobody keeps others out.
+        """A new request gets the place of the one for which the farm has waited longest: no client keeps others out.
 
         The connection ends with the answer: of several on one connection a client could leave the first ones unread.
         """

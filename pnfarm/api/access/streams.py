@@ -1,4 +1,4 @@
-"""Shares the event streams among the clients: an ASGI layer behind the guard, which has told whose token a request has.
+"""Shares the event streams among the clients: an ASGI layer after the guard, which has found whose token a request has.
 
 While all are open, a newcomer gets the place of the newest stream of the token that has most of them, if that has more
 than the newcomer's own would have; with equal tokens the same holds between the clients of one token, by address.  So

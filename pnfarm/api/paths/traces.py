@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["KEEP_NS", "Form", "TraceView", "Traces", "TracesHost", "add_traces"]
 
-#: How long a trace stays while nobody asks for it, unless its request says so.
+#: How long a trace stays while no client asks for it, unless its request says so.
 KEEP_NS = 600_000_000_000
 #: Forms of a trace.
 Form = Literal["json", "csv", "status"]

@@ -33,7 +33,7 @@ class SharedState(Generic[_Key, _Channel, _Template, _Observed]):
         self.channels: Bounded[_Key, _Channel] = Bounded()
         #: Layouts of a farm file, by the drive's MAC address and whether the drive sends.
         self.templates: dict[tuple[bytes, bool], _Template] = {}
-        #: Who is there and how it is connected, where somebody wants to know.
+        #: Who is there and how it is connected, where it is wanted.
         self.observed: _Observed | None = None
 
 

@@ -23,7 +23,7 @@ __all__ = ["facts_of", "planned_facts", "seen_facts"]
 
 def facts_of(config: Any, model: Model | None, *, asked: bool = False) -> StationFacts:
     """A drive whose telegram the file leaves open may have the modules of any of its telegrams."""
-    del asked  # modules are plugged, whoever asks
+    del asked  # modules are plugged, whichever controller asks
     if model is None:
         description, fixed = config.described.devices[config.strict], None
     else:

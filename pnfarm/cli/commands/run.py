@@ -122,7 +122,7 @@ def run(
 
             record, failure = run_remote(scenario, token, tls_ca, progress, signals.why)
         else:
-            # without a report nobody would see traces
+            # without a report traces have no reader
             traced = html is not None or as_json is not None
             record, failure = _every(scenario, checked, progress, signals, virtual=virtual, pcap=pcap, traced=traced)
     _write(record, junit, html, as_json)

@@ -1,6 +1,6 @@
-"""Standard error as the log's destination: it never makes the program wait for whoever reads it.
+"""Standard error as the log's destination: it never makes the program wait for its reader.
 
-A pipe that nobody reads is full after 64 KB: the supervisor of a container may have died, and the container runs on.
+A pipe that is not read is full after 64 KB: the supervisor of a container may have died, and the container runs on.
 Then lines are lost, as with a reader that has gone or a full disk, and the next one that is written says how many.
 """
 

@@ -94,7 +94,7 @@ def write_farm(found: Sequence[Found], name: str, parent: str, source: str, fold
             try:
                 stations = expand_all(parse_farm(text, folder / f"{name}.pnfarm.yml"))
             except FarmFileError as error:
-                # the folder is gone when somebody reads this
+                # the folder does not exist when this is read
                 issues = [replace(one, what=one.what.replace(f"{scratch}/", "")) for one in error.issues]
                 kept = _without(kept, others, issues, left_out)
             else:

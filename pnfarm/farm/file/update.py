@@ -326,7 +326,7 @@ def _members(group: Mapping[str, Any]) -> list[str]:
 
 
 def _has_groups(parts: Mapping[str, Part], key: str) -> bool:
-    """Whether there is such a list: somebody may have made a mapping of it."""
+    """Whether there is such a list: a user may have made a mapping of it."""
     return key in parts and isinstance(parts[key].plain, list)
 
 

@@ -38,7 +38,7 @@ _IS_THERE = """
 SELECT to_regclass('pnfarm.format') IS NOT NULL,
        EXISTS (SELECT FROM pg_class JOIN pg_namespace ON pg_namespace.oid = relnamespace WHERE nspname = 'pnfarm')
 """
-# one statement, so that it is whole or not at all; the claim's row is locked, so that nobody takes over meanwhile
+# one statement, so that it is whole or not at all; the claim's row is locked: no other process takes over meanwhile
 _WRITE = """
 WITH mine AS (
     SELECT FROM pnfarm.claim WHERE farm = %(farm)s AND station = %(station)s AND holder = %(holder)s FOR SHARE
@@ -163,7 +163,7 @@ class Tables:
         return str(max(moment for (moment,) in since))
 
     def release(self, owner: Owner) -> None:
-        """Give every claim back, so that nobody needs to wait for its end."""
+        """Release every claim, so that no process has to wait for its end."""
         self._connection.execute(_RELEASE, (self._farm, owner.holder))
 
     def _lock(self, what: str) -> None:

@@ -48,7 +48,7 @@ class HubDevices(Passing):
     def add_device(self, app: FastAPI) -> None:
         """What is below a device."""
         farm = FastAPI()
-        # nobody answers there
+        # no station answers there
         nobody: Any = None
         add_device(Paths(farm, "devices"), nobody)
         self.add(app, farm)

@@ -73,7 +73,7 @@ class HubDrives(Passing):
     def add_drive(self, app: FastAPI) -> None:
         """What is below a drive."""
         farm = FastAPI()
-        # nobody answers there
+        # no station answers there
         nobody: Any = None
         add_one_drive(farm, nobody, nobody)
         self.add(app, farm)

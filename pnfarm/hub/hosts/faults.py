@@ -2,7 +2,7 @@
 
 A fault has one name, which the hub makes up unless the user gives one, and which each shard takes as its own id
 (``as``).  So the shards themselves keep what belongs together: a hub that was restarted, or another one, finds it by
-asking them.  A shard's own ids (``fault-3``), of faults that somebody injected there without a hub, could be the same
+asking them.  A shard's own ids (``fault-3``), of faults that were injected there without the hub, could be the same
 on two shards: the hub shows them with the shard, ``fault-3@HOST:PORT``.
 """
 

@@ -173,7 +173,7 @@ class FarmLock:
     def _lock_file(self, path: Path, shard: str, *, alone: bool) -> None:
         fd = self._locked(path, shard, alone=alone)
         self._files.append(fd)
-        # whoever had it before has ended
+        # the former owner has ended
         os.ftruncate(fd, 0)
         if alone:
             os.write(fd, f"{os.getpid()}\n".encode())
@@ -220,7 +220,7 @@ class FarmLock:
 def _names_from(common: str) -> list[str]:
     """Abstract addresses in this network namespace that begin so.
 
-    Raises :class:`~pnfarm.errors.EnvironmentError_` where the kernel does not tell.
+    Raises :class:`~pnfarm.errors.EnvironmentError_` where the kernel does not report it.
     """
     try:
         lines = _SOCKETS.read_text(encoding="utf-8", errors="replace").splitlines()

@@ -92,7 +92,7 @@ class FdLine(ABC):
 
     @property
     def is_up(self) -> bool:
-        """Whether somebody is at the far end."""
+        """Whether the far end is connected."""
         return self._fd is not None
 
     def set_receiver(self, receiver: LineReceiver) -> None:
@@ -200,7 +200,7 @@ class FdLine(ABC):
         try:
             length = os.readv(self._fd, (self._came,))
         except OSError:
-            # it is found, and told, once more
+            # it is found, and reported, once more
             return False
         if not self._at_once(self._came, length, time.monotonic_ns()):
             self._kept = self._came[:length].tobytes()
@@ -302,7 +302,7 @@ def _claimed(link: Path) -> socket.socket:
 
 
 class PtyLine(FdLine):
-    """A pair of pseudo terminals: whoever opens ``path`` is at the far end.  ``link``: a symbolic link to it.
+    """A pair of pseudo terminals: the process that opens ``path`` is the far end.  ``link``: a symbolic link to it.
 
     A link that is there is replaced unless another farm of this network namespace has it now; anything else is not.  A
     pseudo terminal has neither a rate nor a parity; the C

@@ -4,7 +4,7 @@ A terminal does not stamp its octets.  Those that a loop finds came after its lo
 then they came just now.
 
 An *eager* reader is called while the loop waits, between two of its turns: for the few things that come thousands of
-times a second, concern nobody else and must be answered at once.
+times a second, concern nothing else and must be answered at once.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class _Selector(selectors.EpollSelector):
     def __init__(self) -> None:
         super().__init__()
         self.eager: dict[int, Callable[[], bool]] = {}
-        #: Whether somebody wants to know what had waited: that costs one more look in each turn.
+        #: Whether what had waited is to be measured: that costs one more look in each turn.
         self.is_asked = False
         self._looked_ns = time.monotonic_ns()
         #: What the last look found came at this time at the earliest, ns.
@@ -86,7 +86,7 @@ class EagerLoop(asyncio.SelectorEventLoop):
     def earliest_ns(self) -> int:
         """What is handled now came at this time at the earliest, ns.
 
-        Known only where somebody has asked for it, and there is an eager reader; else it is the present.
+        Known only if it was asked for, and there is an eager reader; else it is the present.
         """
         return self._looks.earliest_ns if self._looks.is_asked and self._looks.eager else time.monotonic_ns()
 

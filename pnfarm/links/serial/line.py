@@ -46,7 +46,7 @@ class LineFormat:
 class LineCounters:
     """Octets of one line since it was made; read, never reset.
 
-    Reasons in ``lost``, in octets: ``queue-full`` (the far end does not read), ``not-open`` (nobody is there),
+    Reasons in ``lost``, in octets: ``queue-full`` (the far end does not read), ``not-open`` (it is not connected),
     ``cut-off`` (under way when the way broke).  ``interruptions`` counts how often the way broke or could not be
     opened.
     """
@@ -146,7 +146,7 @@ class Line(Protocol):
 
     @property
     def is_up(self) -> bool:
-        """Whether somebody is at the far end, as far as the way can tell."""
+        """Whether the far end is connected, as far as this kind of line shows it."""
 
     async def open(self) -> None:
         """Take the way; raises :class:`~pnfarm.errors.EnvironmentError_` for one that cannot be.

@@ -81,7 +81,7 @@ def ask(path: str, count: int) -> list[int]:
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
     times: list[int] = []
     try:
-        # the first ones wait for the farm to notice that somebody is there
+        # the first ones wait until the farm notices that the far end is connected
         for _ in range(count + 20):
             begun = time.perf_counter_ns()
             os.write(fd, QUESTION)

@@ -126,7 +126,7 @@ class Rfc2217Line:
     def _post(self, action: Any, *values: Any) -> None:
         loop = self._loop
         if loop is not None:
-            with contextlib.suppress(RuntimeError):  # the loop is closed: nobody listens
+            with contextlib.suppress(RuntimeError):  # the loop is closed: no listener is left
                 loop.call_soon_threadsafe(action, *values)
 
     def _came(self, octets: bytes) -> None:

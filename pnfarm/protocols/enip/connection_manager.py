@@ -200,7 +200,7 @@ class ConnectionManager:
         if multicast:
             t_to_o_id = shared[0].t_to_o_id if shared else self._new_id()
         if offer is not None:
-            # whoever joins a production gets it at the interval that it has, which the reply contains
+            # an originator that joins a production gets it at the interval that it has, which the reply contains
             t_to_o_api_us = shared[0].t_to_o_api_us if shared else self._interval(t_to_o_api_us)
         connection = Connection(
             number=self._last_number,

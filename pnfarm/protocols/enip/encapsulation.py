@@ -123,7 +123,7 @@ class ExplicitMessages(Protocol):
         """The reply's connection id and data; None for no reply."""
 
     def stream_closed(self, stream: int, now: int) -> None:
-        """A stream is gone, whoever closed it."""
+        """A stream is gone, whichever end closed it."""
 
 
 @dataclass(slots=True)

@@ -65,7 +65,7 @@ class OriginServices(Protocol):
     """An object whose services depend on who asks."""
 
     def origin_service(self, origin: Origin, service: int, data: bytes, now: int) -> Answer | None:
-        """None for a service that depends on nobody."""
+        """None for a service that depends on no originator."""
 
 
 @dataclass(frozen=True, slots=True)

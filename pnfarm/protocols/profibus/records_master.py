@@ -1,4 +1,4 @@
-"""A master of class 2 that is alone on a line and asks one slave for records; it polls nobody.
+"""A master of class 2 that is alone on a line and asks one slave for records; it polls no slave.
 
 Telegrams in, telegrams out, no line and no clock.  It takes no part in the token: before its first request it listens,
 and a request or a token of another master, then or later, ends its work.  EN 50170 part 2, 4.7; guideline 2.082.
@@ -173,7 +173,7 @@ class RecordsMaster:
         failed = telegram.code if isinstance(telegram, Telegram) and telegram.code in _FAILED else None
         self._free_ns = now + bits_ns(SYN_BITS, settings.baud)
         if isinstance(telegram, ShortAck):
-            # a slave that has nothing to tell yet is not asked at once again
+            # a slave that has nothing to report yet is not asked again at once
             self._free_ns = max(self._free_ns, now + settings.pause_ns)
         if not self._ending:
             self.connection.answered(data, failed, now)

@@ -77,7 +77,7 @@ LEFT: Final = "left"
 #: An unprocessed telegram's reason, for counters.
 _NOT_HERE: Final = "no-service"
 _SDN: Final = frozenset({Request.SDN_LOW, Request.SDN_HIGH})
-#: FC of requests that want data: those of its bits that tell so.
+#: FC of requests that want data: the bits that show this.
 _ASKS: Final = frozenset({REQUEST | Request.SRD_LOW, REQUEST | Request.SRD_HIGH})
 _ASKS_BITS: Final = REQUEST | 0x0F
 _SDA: Final = frozenset({Request.SDA_LOW, Request.SDA_HIGH})
@@ -239,7 +239,7 @@ class Slave:
         self._events.append(event)
 
     def diagnosis_changed(self) -> None:
-        """There is something new to tell: the master is asked to read the diagnosis."""
+        """There is something new to report: the master is asked to read the diagnosis."""
         self.changed()
         self._pending_diagnosis = True
 
@@ -248,7 +248,7 @@ class Slave:
         self._leave(why, now)
 
     def heard(self, now: int) -> None:
-        """A good telegram for somebody else was on the line then."""
+        """A good telegram for another station was on the line then."""
         self._heard_ns = max(self._heard_ns, now)
 
     def search(self) -> None:

@@ -201,7 +201,7 @@ class Record:
             self._failed_code.setdefault(key, (entry.now_ns, []))[1].append(name)
 
     def note_told(self, now: int, drive: str, text: str, state: int | None) -> None:
-        """An event that another farm told, for the timeline."""
+        """An event of another farm, for the timeline."""
         item = {"seconds": self._seconds(now), "what": "event", "drive": drive, "text": text}
         self._place(item | ({"state": f"S{state}" if state else "boot"} if state is not None else {}))
 

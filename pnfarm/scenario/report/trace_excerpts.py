@@ -216,7 +216,7 @@ def _thinned(recording: Recording, mark: str, times: NDArray[Any], columns: Sequ
         column for column in columns if column.form == "real" or column.signal == "state" or _changes(column).any()
     ]
     if not any(column.form == "bit" and "." in column.signal for column in chosen):
-        # nothing happened: at least the bits that tell so
+        # nothing happened: at least the bits that show this
         chosen += [column for column in columns if column.signal in _TELLING]
     keep = np.zeros(len(times), bool)
     keep[:: max(1, -(-len(times) // MAX_SAMPLES))] = True

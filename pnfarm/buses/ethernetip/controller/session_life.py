@@ -354,7 +354,7 @@ class SessionLife(Life[DeviceSession]):
         self.sign(session, Sign.IDENTIFIED, now)
 
     def _made(self, session: DeviceSession, note: ConnectionMade, now: int) -> None:
-        """Start both directions, unless the answer is one that nobody can follow."""
+        """Start both directions, unless the answer cannot be used."""
         wrong = _wrong_answer(session, note)
         if wrong:
             session.left.append(note.request)
@@ -364,7 +364,7 @@ class SessionLife(Life[DeviceSession]):
         self.sign(session, Sign.MADE, now)
 
     def _not_made(self, session: DeviceSession, note: ConnectionNotMade, now: int) -> None:
-        """Close an old connection that is in the way, else tell why, and try again after a pause."""
+        """Close an old connection that is in the way, else report why not, and try again after a pause."""
         if note.reply is None:
             # the device may have opened it all the same
             session.left.append(note.request)

@@ -81,7 +81,7 @@ def _segment(packet: Packet, ip: Ipv4Packet, segment: TcpSegment, shared: Shared
     )
     streams = shared.streams
     if segment.opens:
-        # whoever had these ports before waits no more
+        # the former user of these ports waits no more
         shared.missed(route.pair, keep=0)
         kind = "accepted" if segment.acknowledges else "asked for"
         yield Description("TCP connection", f"{kind}, port {ports[0]} -> {ports[1]}", family="enip")

@@ -54,7 +54,7 @@ class Route:
 
     @property
     def pair(self) -> tuple[End, End]:
-        """Originator and device, whoever sends."""
+        """Originator and device, whichever sends."""
         return (self.source, self.destination) if self.to_device else (self.destination, self.source)
 
 

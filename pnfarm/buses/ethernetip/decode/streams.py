@@ -134,7 +134,7 @@ class Streams:
         while len(stream.octets) >= HEADER_OCTETS:
             length = parse_header(bytes(stream.octets[:HEADER_OCTETS])).length
             if length > LONGEST_DATA:
-                # no message: what follows cannot be told from it
+                # no message: where it ends is not known
                 yield bytes(stream.octets), missing
                 stream.lose()
                 return

@@ -48,7 +48,7 @@ NO_DATA = "no-data"
 
 
 def nobody(request: ForwardOpen) -> None:
-    """Refuses nobody."""
+    """Refuses no client."""
     del request
 
 

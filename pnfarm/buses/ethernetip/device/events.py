@@ -35,7 +35,7 @@ class SessionOpened(Event):
 
 @event("session ended")
 class SessionEnded(SessionOpened):
-    """A peer's TCP connection ended, whoever closed it."""
+    """A peer's TCP connection ended, whichever end closed it."""
 
 
 @event()

@@ -1,4 +1,4 @@
-"""Messages of EtherNet/IP, as the gate of streams takes them: cut out of a stream, told apart, spoilt."""
+"""Messages of EtherNet/IP, as the gate of streams takes them: cut out of a stream, classified, corrupted."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class ProfibusDriveConfig(DriveConfig):
     """One drive.
 
     ``switches``: what S2 and S1 are set to; ``control_unit``: what its buttons saved, None for nothing; ``address``:
-    with which address it starts if nobody changes it, None for one that the file does not say.
+    with which address it starts if it is not changed, None for one that the file does not say.
     """
 
     switches: int = SWITCHES_OFF

@@ -24,8 +24,8 @@ MOST_RECORDS: Final = 1024
 class DescribedUser(Meddling):
     """See :class:`pnfarm.protocols.profibus.slave_user.SlaveUser`.  Made again at each power-on.
 
-    A written record is kept and read back until power-off; one that nobody wrote is refused with "invalid index", and
-    a slot without a module with "invalid slot" (assumed: a GSD file does not describe records).
+    A written record is kept and read back until power-off; one that was never written is refused with "invalid index",
+    and a slot without a module with "invalid slot" (assumed: a GSD file does not describe records).
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class DescribedUser(Meddling):
         self._image.clear(now)
 
     def without_master(self) -> None:
-        """Nobody sends outputs: they are zero, with status BAD."""
+        """No master sends outputs: they are zero, with status BAD."""
         self._outputs.take(bytes(self.output_octets), good=False)
 
     def inputs(self) -> bytes:

@@ -190,7 +190,7 @@ def answer_poll(
         or length - 2 - begin != cells[OUTPUTS]
         or (function & _BITS != _LOW and function & _BITS != _HIGH)
         or (function & FCV and function & FCB == cells[FCB_CELL])
-        # a mean is told, or a first interval has no beginning
+        # a mean is reported, or a first interval has no beginning
         or cells[LEFT] <= 1
         or cells[LAST] == 0
     ):

@@ -12,7 +12,7 @@ from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
 
 __all__ = ["DEFAULT_ADDRESS", "PARAMETER", "SWITCHES", "StationAddress", "station_address"]
 
-#: The address of a slave that nobody gave one (EN 50170 part 2, 8.3.8).
+#: The address of a slave that was given none (EN 50170 part 2, 8.3.8).
 DEFAULT_ADDRESS: Final = 126
 #: Where an address comes from.
 SWITCHES: Final = "switches"

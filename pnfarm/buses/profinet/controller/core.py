@@ -155,7 +155,7 @@ class ProfinetCore(SessionCore[DeviceSession]):
         elif len(frame.payload) < 2:
             self.dropped["short"] += 1
         elif DCP_HELLO <= (frame_id := int.from_bytes(frame.payload[:2], "big")) <= DCP_IDENTIFY_RESPONSE:
-            # Hello is a request that nobody answers
+            # Hello is a request without an answer
             asked = frame_id != DCP_HELLO and frame.payload[_SERVICE_TYPE:][:1] == bytes([TYPE_REQUEST])
             (self.dcp_self if asked else self.dcp).receive(frame, now)
         else:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["StationReader"]
 
-#: Stations that are kept; further ones are counted.
+#: Stations that are kept; further ones are only counted.
 MOST_STATIONS: Final = 20_000
 #: Answers to Identify that come within 10 ms (the unit of DCP's response delay).
 BURST: Final = 16
@@ -79,7 +79,7 @@ class _Reading:
         except (RemoteError, DecodeError) as exc:
             self.remarks.append(f"I&M0 cannot be read: {exc}")
             if client.status is None and client.data is None:
-                return  # nobody answers there
+                return  # no station answers there
         try:
             self.modules = yield from read_modules()
         except RemoteError as exc:

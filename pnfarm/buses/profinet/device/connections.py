@@ -231,7 +231,7 @@ class StationConnections:
         self._station.note(now, happened.SubmodulesChanged(frozenset(unusable)))
 
     def sought(self, now: int, *, by_name: bool) -> None:
-        """The drive answered an Identify: for its name, or one to all, which counts while nobody asks for the name.
+        """The drive answered an Identify: for its name, or one to all, which counts as long as no request has the name.
 
         Many controllers and tools ask again and again; the log has the first one, and the one that counts
         (:meth:`begins`).

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["of_connect", "of_device", "of_modules", "of_record"]
 
-#: What a submodule is that somebody else has; the connection works without it.
+#: What a submodule is that another controller has; the connection works without it.
 _LOCKED = {
     ArInfo.SUPERORDINATED_LOCKED: "is locked by a superior",
     ArInfo.LOCKED_BY_IO_CONTROLLER: "belongs to another controller",

@@ -33,7 +33,7 @@ def name_of(device: CaexElement) -> str:
 
 
 def name_notes(device: CaexElement) -> list[str]:
-    """What to tell of a station that has another name on the network than in the project."""
+    """What to report of a station that has another name on the network than in the project."""
     own = _named(device)
     other = name_on_network(own)
     return [] if other == own.lower() else [f"{own!r} in the project, which TIA Portal writes as {other}"]

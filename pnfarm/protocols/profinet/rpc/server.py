@@ -427,7 +427,7 @@ class RpcServer:
         self._send(activity, nocall_so_far(pdu, activity.reassembly.acknowledged))
 
     def _do_abandon(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
-        """The application never answered: tell the client, so that it does not repeat a call that may have run."""
+        """The application never answered: inform the client, so that it does not repeat a call that may have run."""
         self._events.append(CallCancelled(activity.call, activity.peer, orphaned=True))
         self._answer_status(activity, NcaStatus.FAULT_UNSPEC, now)
 

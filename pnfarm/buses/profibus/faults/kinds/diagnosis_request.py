@@ -1,4 +1,4 @@
-"""diagnosis-request and static-diagnosis: the slave has something to tell."""
+"""diagnosis-request and static-diagnosis: the slave has something to report."""
 
 from __future__ import annotations
 

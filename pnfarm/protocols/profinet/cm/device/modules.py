@@ -84,7 +84,7 @@ class Modules:
         return unusable_submodules(ar.expected, self.diff(ar))
 
     def usable(self, ar: Ar) -> set[ExpectedKey]:
-        """Expected submodules that are there, as expected or as a substitute, whoever owns them."""
+        """Expected submodules that are there, as expected or as a substitute, whichever AR owns them."""
         missing = unusable_submodules(ar.expected, module_diff(ar.expected, self._plugged))
         return {key for key in expected_keys(ar.expected) if key not in missing}
 
