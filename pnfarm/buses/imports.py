@@ -115,7 +115,7 @@ class ProjectBus(Bus):
     def of_project(self, project: Any, folders: DescriptionFolders, base: Path) -> Iterable[Found]:
         """The stations of a project of this kind (a `CaexProject` or an `L5xProject`), drives first.
 
-        Description files are looked for in ``folders``; ``base`` is the folder of the farm file to be.
+        Description files are searched in ``folders``; ``base`` is the folder of the farm file to be.
         """
         return self._own("project.stations", "of_project")(project, folders, base)
 

@@ -23,7 +23,7 @@ __all__ = ["RFC2217", "is_place", "line_way", "run_on_line"]
 
 #: How long it may take until the far end is connected.
 OPEN_SECONDS: Final = 6.0
-#: The longest sleep between two looks at the work.
+#: The longest sleep between two checks of the work.
 _LOOK_SECONDS: Final = 0.02
 _PLACE: Final = re.compile(r"(?:\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):[0-9]{1,5}")
 RFC2217: Final = "rfc2217://"
@@ -82,7 +82,7 @@ async def run_on_line(link: SerialLink, bus: str, station: str, make: Callable[[
         while not work.done:
             due = work.next_deadline()
             left = _LOOK_SECONDS if due is None else (due - time.monotonic_ns()) / 1e9
-            # what came in is taken at the next look, at the latest when it is due
+            # what came in is taken at the next check, at the latest when it is due
             await asyncio.sleep(min(max(left, 0), _LOOK_SECONDS))
             work.service(time.monotonic_ns())
         return work

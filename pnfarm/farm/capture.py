@@ -243,7 +243,7 @@ class FarmCapture:
             self._write_telegrams()
 
     def _write_telegrams(self) -> None:
-        """What the event loop left; telegrams of a line are up to a look later in the file than their time says."""
+        """What the event loop left; telegrams of a line are up to a check later in the file than their time says."""
         blocks = []
         for _ in range(len(self._telegrams)):
             number, block = self._telegrams.popleft()

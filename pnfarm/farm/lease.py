@@ -80,7 +80,7 @@ class LeaseChanged:
 
 
 def margin_ns(ttl_ns: int) -> int:
-    """A fifth of the time to live: what may pass between the last look at the clock and the wire, and clocks' drift."""
+    """A fifth of the time to live: what may pass from the last reading of the clock to the wire, and clocks' drift."""
     return ttl_ns // 5
 
 

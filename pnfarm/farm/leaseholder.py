@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LeasedFarm", "Leaseholder"]
 
-#: Between two looks at the lease, when nothing is new.
+#: Between two checks of the lease, when nothing is new.
 LOOK_SECONDS = 0.1
 
 

@@ -6,7 +6,7 @@ from pnfarm.errors import PnfarmError
 
 __all__ = ["NotInTime", "require_in_time"]
 
-#: Between two looks of who waits, if nothing else is said: what is seen so long after its time was not in time.
+#: Between two checks of who waits, if nothing else is said: what is seen so long after its time was not in time.
 LOOK_NS = 20_000_000
 
 
@@ -19,7 +19,7 @@ class NotInTime(PnfarmError, AssertionError):  # noqa: N818 - a test that waits 
 def require_in_time(what: str, took_ns: float, within_ns: int, look_ns: int = LOOK_NS) -> float:
     """How long a wait took, s.  Raises :class:`NotInTime` where it looked so late that it saw what came too late.
 
-    ``look_ns``: between two looks, and so exact is ``took_ns``.
+    ``look_ns``: between two checks, and so exact is ``took_ns``.
     """
     if took_ns > within_ns + look_ns:
         raise NotInTime(f"{what} was seen after {took_ns / 1e9:.3f} s, and not within {within_ns / 1e9:g} s")

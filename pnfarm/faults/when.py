@@ -52,7 +52,7 @@ _POWERED = place_of(AXIS, "powered")
 _STATE = place_of(AXIS, "drive.state")
 
 
-#: Between two looks at signals of devices.
+#: Between two checks of signals of devices.
 LOOK_NS = 1_000_000
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["HubLive"]
 
-#: Between two looks whether a page is open, and after a shard's stream broke.
+#: Between two checks of whether a page is open, and after a shard's stream broke.
 LOOK_SECONDS = 0.1
 AGAIN_SECONDS = 1.0
 

@@ -62,7 +62,7 @@ class HubOverview:
         self._changed = {name: np.full(len(names), self.version) for name in VALUES}
         self._rows = [{} if place < 0 else self._rows[place] for place in before]
         self._row_changed = np.array([self.version if row else 0 for row in self._rows], np.int64)
-        #: Whether a shard was there at the last look.
+        #: Whether a shard was there at the last check.
         self._asked: dict[Shard, bool] = {}
         self._texts: dict[int, bytes] = {}
         # of shards that were forgotten while no page was open

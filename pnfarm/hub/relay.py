@@ -33,7 +33,7 @@ __all__ = ["Relay"]
 MOST_RELAYED = 32
 #: Signals of one device: each bit of the longest data of both directions, and as many of a farm file.
 MOST_SIGNALS = 50_000
-#: After a shard's stream broke, and between two looks which shard has what.
+#: After a shard's stream broke, and between two checks of which shard has what.
 AGAIN_SECONDS = 1.0
 
 

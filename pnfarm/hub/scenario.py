@@ -55,7 +55,7 @@ ASK_SECONDS, LATER_SECONDS = 0.02, 0.05
 LOST_SECONDS = 5.0
 #: Requests of one step at once.
 AT_ONCE = 16
-#: The next look while a request is under way; its end wakes the run before.
+#: The next check while a request is under way; its end wakes the run before.
 LOOK_NS = 1_000_000_000
 
 _T = TypeVar("_T")
@@ -121,7 +121,7 @@ def _ns(seconds: float | None) -> int | None:
 
 
 class HubRun(Flow):
-    """``wake`` is set when something is to be looked at."""
+    """``wake`` is set when something is to be checked."""
 
     def __init__(self, binding: Binding, hub: Hub, faults: HubFaults, now: int) -> None:
         super().__init__(binding, hub.shards.farm, now)

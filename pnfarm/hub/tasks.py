@@ -34,7 +34,7 @@ DISCOVER_SECONDS = 5.0
 ASK_SECONDS = 1.0
 #: Longest wait for the answer to a name.
 NAME_SECONDS = 4.0
-#: Between two looks at what waits in the log, and at shards that came or went.
+#: Between two checks of what waits in the log, and of shards that came or went.
 RELEASE_SECONDS = 0.05
 LOOK_SECONDS = 0.25
 #: Names of drives in one entry of the log.

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Farm"]
 
-#: The longest wait for the next event of a farm in virtual time, between two looks at whether its reader goes on.
+#: The longest wait for the next event of a farm in virtual time, between two checks of whether its reader goes on.
 EVENT_STRETCH_NS = 3_600_000_000_000
 
 

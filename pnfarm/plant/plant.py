@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Plant"]
 
-#: Between two looks at the steps that were left out.
+#: Between two checks of the steps that were left out.
 LOOK_NS = 1_000_000_000
 
 

@@ -1,7 +1,7 @@
 """The course of a scenario, wherever its drives are: sequences, branches, searches, and to what each step is reported.
 
 :meth:`Flow.advance` carries out what is due and says when to come back.  Steps are generators that yield the time of
-their next look, so that branches of ``parallel`` run side by side.  What a step does to drives is a subclass's:
+their next check, so that branches of ``parallel`` run side by side.  What a step does to drives is a subclass's:
 :class:`pnfarm.scenario.run.ScenarioRun` for a farm of this process; a hub has one for farms behind their APIs.
 """
 

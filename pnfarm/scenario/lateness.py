@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 __all__ = ["FarmLateness"]
 
-#: Between two looks at the record, which keeps some seconds of a machine that is late all the time.
+#: Between two checks of the record, which keeps some seconds of a machine that is late all the time.
 LOOK_NS = 100_000_000
-#: Between two looks at a signal that has no events there is no longer time, or it is not known what it was; and so long
-#: before the end of its time the last look is at most.
+#: Longest time between two readings of a signal without events, beyond which its value is not known; and from its last
+#: reading to the end of its time.
 UNSEEN_NS, END_NS = 20_000_000, 5_000_000
 #: Kept largest ones of each kind.
 KEPT = 256
@@ -87,13 +87,13 @@ class FarmLateness:
         self._step_ns = now
 
     def look(self, now: int) -> None:
-        """Keep how late it was since the last look, before the record forgets it."""
+        """Keep how late it was since the last check, before the record forgets it."""
         if now - self._looked_ns >= LOOK_NS:
             self._keep(now)
 
     def _keep(self, now: int) -> None:
         budget = self.budget_ns
-        # a tick may be late together with some before the last look
+        # a tick may be late together with some before the last check
         kept = self._found(max(self._step_ns, self._looked_ns - TOGETHER * budget), now)
         for largest in (self._by_ratio, self._by_size):
             largest.note(kept)
@@ -117,7 +117,7 @@ class FarmLateness:
         return True
 
     def is_unseen(self, gap_ns: int, before_end_ns: int) -> bool:
-        """Whether a signal without events was not looked at for too long, or its last look in time was too early."""
+        """Whether a signal without events was not looked at for too long, or its last check in time was too early."""
         if not self._core.lateness.loop.due_ns:
             # no heartbeat: the clock is one that others move
             return False

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["carry_out"]
 
-#: Longest pause between two looks.
+#: Longest pause between two checks.
 PAUSE_NS = 200_000_000
 
 
@@ -30,7 +30,7 @@ async def carry_out(
 ) -> None:
     """Until the scenario has ended; cancelled from outside, it ends at once, with its faults cleared.
 
-    ``passing`` is called at each look, at least every :data:`PAUSE_NS`; what it returns ends the scenario.
+    ``passing`` is called at each check, at least every :data:`PAUSE_NS`; what it returns ends the scenario.
     """
     woken = asyncio.Event()
     unsubscribe = core.log.subscribe(lambda entry: woken.set())  # noqa: ARG005 - the entry is in the log

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LOOK_NS", "EachLook", "ScenarioRun", "Tell"]
 
-#: Time between two looks at signals whose changes are no events.
+#: Time between two checks of signals whose changes are no events.
 LOOK_NS = 1_000_000
 #: Of a `wait`, so much of its end counts for the expectation after it; and a loss may be noted so long after what it
 #: does to the drive.
@@ -356,7 +356,7 @@ class ScenarioRun(Flow):
             missing = [name for name in watch.values() if watch.held_ns.get(name, latest + 1) > latest]
             if missing:
                 limit = f"within {format_duration(within)}" if within else "at once"
-                # what is true at the first look after the end may have been so in time
+                # what is true at the first check after the end may have been so in time
                 end = begin + within if watch.all_held and within else None
                 unseen = self._is_unseen(watch, end)
                 self._fail(step, begin, f"not true {limit} on {_few(missing)}", watch, missing, unseen=unseen)

@@ -1,7 +1,7 @@
-"""Conditions on drives while time passes: no change of state, fault or connection between two looks is missed.
+"""Conditions on drives while time passes: no change of state, fault or connection between two checks is missed.
 
-A watch is shown the drives at each look (:meth:`Watch.look`), and each entry of the farm's log (:meth:`Watch.note`),
-which says what a drive's signals were when it happened: a state that ended before the next look counts.
+A watch is shown the drives at each check (:meth:`Watch.look`), and each entry of the farm's log (:meth:`Watch.note`),
+which says what a drive's signals were when it happened: a state that ended before the next check counts.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Watch:
     """``conditions`` by drive, or by device where they are about devices alone.
 
     ``held_ns``: when a drive's came true first; ``all_ns``: when all were true at once first; ``broken_ns``: when one
-    that must hold was not.  What happened before the first look does not count, though its entry comes later.
+    that must hold was not.  What happened before the first check does not count, though its entry comes later.
 
     From :meth:`hold` on, what counts is that none is false.
     """
@@ -65,7 +65,7 @@ class Watch:
         self.held_ns: dict[str, int] = {}
         self.all_ns: int | None = None
         self.broken_ns: dict[str, int] = {}
-        #: The longest time between two looks, ns, and the last look but one.
+        #: The longest time between two checks, ns, and the last check but one.
         self.unseen_ns = self.before_ns = 0
         self._must_hold = False
         self._since_ns = 0
@@ -118,7 +118,7 @@ class Watch:
         elif isinstance(entry.what, events.FaultsCleared | events.PowerLost):
             self._faults.pop(drive, None)
         if changed or lost:
-            # what happened since the last look, in order: the table may show a later moment already
+            # what happened since the last check, in order: the table may show a later moment already
             known = self._seen.setdefault(drive, {})
             known.update(changed)
             if lost:

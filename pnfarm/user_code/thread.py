@@ -21,7 +21,7 @@ __all__ = ["CodeThread", "Work"]
 
 #: Yields calls that are to be made, one by one; what became of it is in each.
 Work: TypeAlias = Iterator[Call]
-#: Longest time between two looks at a call, and for something that is due: each is a wake-up of its own.
+#: Longest time between two checks of a call, and for something that is due: each is a wake-up of its own.
 LOOK_SECONDS = 0.25
 
 

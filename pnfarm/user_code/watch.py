@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Watch"]
 
-#: Shortest time between two looks, and longest by default.
+#: Shortest time between two checks, and longest by default.
 LEAST_SECONDS, MOST_SECONDS = 0.001, 0.05
 
 
 class Watch:
-    """``running`` is set by who makes the calls; ``exceeded`` is called in the thread at each look beyond the limit.
+    """``running`` is set by who makes the calls; ``exceeded`` is called in the thread at each check beyond the limit.
 
     It counts its looks at one call, so that a machine that stands for a while counts as one.
     """

@@ -41,7 +41,7 @@ class Keys:
         return bool(self._own) or self._file is not None
 
     async def follow(self) -> None:
-        """Look whether the file has changed."""
+        """Check whether the file has changed."""
         if self._file is not None:
             await self._file.follow()
 

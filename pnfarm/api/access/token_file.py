@@ -236,7 +236,7 @@ class TokenFile:
         self.holders = self._file.first
 
     async def follow(self) -> None:
-        """Look whether the file has changed."""
+        """Check whether the file has changed."""
         await self._file.follow()
 
     def _renewed(self, holders: list[Holder]) -> None:

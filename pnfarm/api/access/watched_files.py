@@ -50,7 +50,7 @@ class WatchedFiles(Generic[_T]):
         self._turn_begun = 0.0
 
     async def follow(self) -> None:
-        """Look whether the files have changed."""
+        """Check whether the files have changed."""
         if self._turn is not None:
             # that one may have looked before a change
             await self._wait(self._turn)

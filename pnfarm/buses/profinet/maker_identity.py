@@ -29,7 +29,7 @@ __all__ = ["identity_of"]
 
 #: Longest order number of I&M0, octets.
 ORDER_NUMBER = 20
-#: Subslots of one submodule, and slots in which telegrams are looked for; makers' files have up to 16.
+#: Subslots of one submodule, and slots in which telegrams are searched; makers' files have up to 16.
 PLACES = 64
 
 

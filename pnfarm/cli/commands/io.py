@@ -29,7 +29,7 @@ __all__ = ["io"]
 _STRONG = frozenset({"fault", "force"})
 #: Longest value of the table, characters: 16 octets; a signal that is asked for by its name is shown whole.
 MAX_VALUE = 47
-#: Between two looks where there is no stream, and before one that broke is asked for again.
+#: Between two checks where there is no stream, and before one that broke is asked for again.
 AGAIN_SECONDS = 1.0
 
 

@@ -24,7 +24,7 @@ __all__ = ["LineLimit"]
 
 #: Burst and rate of the lines of one kind.
 KIND_LINES, KIND_LINES_PER_SECOND = 12.0, 1.0
-#: An empty bucket is full again; so often it is looked which kinds can be forgotten.
+#: An empty bucket is full again; at this interval kinds to forget are searched.
 FILL_SECONDS = KIND_LINES / KIND_LINES_PER_SECOND
 #: The same for all kinds together: enough for the start of a thousand drives; a disk bears this rate for weeks.
 ALL_LINES, ALL_LINES_PER_SECOND = 20_000.0, 100.0

@@ -41,7 +41,7 @@ _REMEDIES = {
 def examine_project(config: FarmConfig, project: Path, folders: Sequence[Path]) -> list[Finding]:
     """A finding for each station of the project, and for each of the file that the project lacks.
 
-    Description files are looked for in ``folders`` and below, and in the farm file's own folder.  Raises
+    Description files are searched in ``folders`` and below, and in the farm file's own folder.  Raises
     :class:`ConfigError`.
     """
     if not is_project_file(project):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Inputs", "read_inputs"]
 
-#: Frames between two looks at how far the reading is.
+#: Frames between two checks of the progress.
 _SHOWN_FRAMES = 5000
 
 

@@ -40,7 +40,7 @@ SAVE_SECONDS = 0.25
 START_SECONDS = 10.0
 #: A statement or a connection without an answer is given up after so long.
 STUCK_SECONDS = 4.0
-#: Between two looks at whether the database is there, without a lease.
+#: Between two checks of whether the database is there, without a lease.
 ALIVE_SECONDS = 1.0
 #: Times the lease's time to live: a farm whose event loop stands for longer does not renew its claims.
 ABSENT_FACTOR = 2

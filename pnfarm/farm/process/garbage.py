@@ -1,4 +1,4 @@
-"""How often Python searches for unreachable objects, which takes time in proportion to those that it looks at."""
+"""How often Python searches for unreachable objects, which takes time in proportion to those that it checks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["keep_what_is_loaded", "search_seldom"]
 #: of the start of 1,024 drives (docs/performance.md).
 NEW_OBJECTS = 20_000
 #: What a drive that boots or loses its connection leaves refers to itself, and is old by then: only a search among all
-#: objects finds it.  Python would begin one after two million new ones; here it is looked each minute whether there
+#: objects finds it.  Python would begin one after two million new ones; here a check each minute finds whether there
 #: are so many.
 LOOK_SECONDS, ENOUGH_OBJECTS = 60.0, 10_000
 

@@ -1,4 +1,4 @@
-"""What is raised for a state that this farm cannot have, and a look at the shapes of one."""
+"""What is raised for a state that this farm cannot have, and checks of its form."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The signals of a device for viewers that follow them: what changed since they looked last.
+"""The signals of a device for viewers that follow them: what changed since they read last.
 
-A look reads the data, nothing runs between looks.  Each change has the revision at which it was seen, so that a viewer
-that knows the revision of its last look costs no memory here, and several share what one of them read.
+Nothing runs between readings.  Each change has the revision at which it was seen, so that a viewer that gives the
+revision of its last reading costs no memory here, and several viewers share what one of them read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SHARED_NS = 50_000_000
 
 
 class SignalChanges:
-    """``now`` is the farm's clock, ns.  ``revision`` is the one of the last look."""
+    """``now`` is the farm's clock, ns.  ``revision`` is the one of the last reading."""
 
     def __init__(self, signals: NamedSignals, now: Callable[[], int]) -> None:
         self._signals = signals
@@ -52,5 +52,5 @@ class SignalChanges:
         return self.revision
 
     def since(self, revision: int) -> list[dict[str, Any]]:
-        """What moved after ``revision``, up to the last look; -1 is the revision of who has seen nothing."""
+        """What moved after ``revision``, up to the last reading; -1 is the revision of who has seen nothing."""
         return [state for state, at in zip(self._states, self._changed, strict=True) if at > revision]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Addresses"]
 
-#: How often a change that the link has not finished is looked at.
+#: How often a change that the link has not finished is checked.
 _LOOK_NS = 2_000_000
 
 

@@ -22,7 +22,7 @@ class ConfirmedEffect(Effect):
 
     connection = CONNECTION
     status: Status | None = None
-    #: Whether frames without the status contradict the injection; if not, they are looked at no longer.
+    #: Whether frames without the status contradict the injection; if not, they are not checked any more.
     must_show: ClassVar[bool] = True
     _look_since: int | None = None
     #: When a frame that left since did not report the status, for the first time.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["KIND"]
 
-#: How often the signal is looked at, and the changes at most that are under way.
+#: How often the signal is read, and the changes at most that are under way.
 _SAMPLE_NS = 5_000_000
 _MOST_CHANGES = 1_000
 _LONGEST_NS = 60_000_000_000

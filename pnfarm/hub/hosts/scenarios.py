@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["HubScenarios"]
 
-#: Longest pause between two looks, s.
+#: Longest pause between two checks, s.
 PAUSE_SECONDS = 0.2
 
 

@@ -275,7 +275,7 @@ class Interfaces:
     def wait_operational(self, *indexes: int) -> None:
         """Wait until frames pass through interfaces that were set up: until then, the kernel drops what is sent.
 
-        A port of a bridge is enabled after it is operational, so both are looked at; its forward delay, where it has
+        A port of a bridge is enabled after it is operational, so both are checked; its forward delay, where it has
         one, is not waited for.  That takes milliseconds, more on a busy machine.  Returns after two seconds without
         it: there is no carrier.
         """

@@ -28,12 +28,12 @@ class _Selector(selectors.EpollSelector):
     def __init__(self) -> None:
         super().__init__()
         self.eager: dict[int, Callable[[], bool]] = {}
-        #: Whether what had waited is to be measured: that costs one more look in each turn.
+        #: Whether what had waited is to be measured: that costs one more check in each turn.
         self.is_asked = False
         self._looked_ns = time.monotonic_ns()
-        #: What the last look found came at this time at the earliest, ns.
+        #: What the last check found came at this time at the earliest, ns.
         self.earliest_ns = self._looked_ns
-        # the same set of descriptors: what is found there and not taken, the usual look finds again
+        # the same set of descriptors: what is found there and not taken, the usual check finds again
         self._glance = select.epoll.fromfd(os.dup(self.fileno()))
 
     def close(self) -> None:

@@ -83,7 +83,7 @@ class SerialLink:
         self._limit = latest_ns
         self._search = list(search)
         self._look: asyncio.TimerHandle | None = None
-        #: Octets and telegrams at the last look.
+        #: Octets and telegrams at the last check.
         self._seen = (0, 0)
         self._set_baud(baud)
         self.splitter = splitter
@@ -170,7 +170,7 @@ class SerialLink:
             self._look = asyncio.get_running_loop().call_later(SEARCH_SECONDS, self._looked)
 
     def _looked(self) -> None:
-        """Another rate, where octets came since the last look and none of them made a telegram."""
+        """Another rate, where octets came since the last check and none of them made a telegram."""
         seen = self.line.counters.received, self._counters.received
         octets, telegrams = (now - before for now, before in zip(seen, self._seen, strict=True))
         self._seen = seen
@@ -346,7 +346,7 @@ class SerialLink:
         if self.latest_ns is not None or self._least_bits is not None:
             self._give(*found, now, length)
             return True
-        # nothing else is to be looked at: thousands of times a second, each call counts
+        # nothing else is to be checked: thousands of times a second, each call counts
         self._counters.received += 1
         self._counters.sent += 1
         self.line.send(found[1])

@@ -33,7 +33,7 @@ _USED: Final = {ClaimState.BOUND, ClaimState.CONTESTED, ClaimState.RECHECKING}
 
 
 class DeviceAddress:
-    """``detects``: conflicts are looked for; ``answers``: ARP requests are answered here, not by the link.
+    """``detects``: conflicts are detected; ``answers``: ARP requests are answered here, not by the link.
 
     ``conflict(octets)`` is called with attribute 11 for each conflict that is acted upon, not for each packet of one.
     """

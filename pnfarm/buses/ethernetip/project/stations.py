@@ -52,7 +52,7 @@ _MOST_FACTS = 40
 def of_project(project: L5xProject, folders: DescriptionFolders, base: Path) -> Iterator[Found]:
     """Drives first, then devices, then modules that nothing stands for.
 
-    EDS files are looked for in ``folders``; a farm file that names one is in ``base``.
+    EDS files are searched in ``folders``; a farm file that names one is in ``base``.
     """
     return drives_first(_Stations(project, folders, base).found())
 

@@ -185,7 +185,7 @@ class ProfibusDevice:
     def poll(self, octets: bytes, now: int) -> bytes | None:
         """The answer to one whole telegram with data and without access points, where it is a plain poll.
 
-        It moves deadlines to later times and nothing else: they are looked at when the earlier ones come.
+        It moves deadlines to later times and nothing else: they are checked when the earlier ones come.
         """
         if self.deaf or self._answers or self._due is None or not self.image.input_octets:
             return None
@@ -236,7 +236,7 @@ class ProfibusDevice:
         due = min((time for time in times if time is not None), default=None)
         if due is None or self._due is None or due < self._due:
             self._due = due
-        # a deadline that moved to a later time is looked at when the earlier one comes
+        # a deadline that moved to a later time is checked when the earlier one comes
         return self._due
 
     def handle_timeout(self, now: int) -> None:

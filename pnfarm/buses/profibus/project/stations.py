@@ -48,7 +48,7 @@ __all__ = ["address_in", "of_project", "plugged_modules", "slots_of"]
 def of_project(project: CaexProject, folders: DescriptionFolders, base: Path) -> Iterator[Found]:
     """Drives first, then devices, then stations that nothing stands for.
 
-    GSD files are looked for in ``folders``; a farm file that names one is in ``base``.
+    GSD files are searched in ``folders``; a farm file that names one is in ``base``.
     """
     view = ProjectView(project)
     stations = [device for device in devices(project.root) if is_on_profibus(device)]

@@ -107,7 +107,7 @@ class ProfinetDevice:
         #: When something other than LLDP is due, None for nothing; known until the next whole turn.
         self._others_ns: int | None = None
         self._others_known = False
-        #: A drive of a thousand sends LLDP each few milliseconds: nothing else is looked at then.
+        #: A drive of a thousand sends LLDP each few milliseconds: nothing else is checked then.
         self._only_lldp = False
         self.cm: CmDevice
 

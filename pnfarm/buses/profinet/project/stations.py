@@ -27,7 +27,7 @@ __all__ = ["of_project"]
 def of_project(project: CaexProject, folders: DescriptionFolders, base: Path) -> Iterator[Found]:
     """Drives first, then devices, then stations that nothing stands for.
 
-    GSDML files are looked for in ``folders``; a farm file that names one is in ``base``.
+    GSDML files are searched in ``folders``; a farm file that names one is in ``base``.
     """
     view = ProjectView(project)
     found = _Stations(view, GsdmlFiles(folders, base))
