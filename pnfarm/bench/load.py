@@ -137,6 +137,6 @@ class Load:
 
     @property
     def disturbing(self) -> float | None:
-        """Cores of others if they are more than a figure stands, None otherwise."""
+        """Cores of others if they are more than a figure tolerates, None otherwise."""
         cores = self.cores
         return cores if self.seconds > LIMIT_CORES * self.wall + RESOLUTION_SECONDS else None

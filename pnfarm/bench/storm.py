@@ -1,6 +1,6 @@
 """The benchmark ``connect-storm``: many drives at once, with farm and controller on one CPU.
 
-Two controllers stand behind one end of the wire, each on a macvlan and in a network namespace of its own.  One runs 64
+Two controllers are behind one end of the wire, each on a macvlan and in a network namespace of its own.  One runs 64
 drives already; the other connects 256 of the same farm.
 """
 

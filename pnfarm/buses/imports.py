@@ -35,7 +35,7 @@ class Said:
 
 @dataclass(frozen=True, slots=True)
 class FoundDrive:
-    """A station that a model stands for: keys of its group in a farm file, and what a user should know of each.
+    """A station that becomes a drive of a model: keys of its group in a farm file, and what a user should know of each.
 
     ``notes`` say how it is made and what is not sure, ``facts`` what it is in the plant: comments of the farm file.
     ``line``: of a station on a serial line, the line's name in a farm file.  ``file``: what ``gsdml``
@@ -57,7 +57,7 @@ class FoundDrive:
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A station that a description file stands for; ``keys`` are the others of its group, ``doubts`` as of a drive."""
+    """A station that becomes a device by its file; ``keys`` are the others of its group, ``doubts`` as of a drive."""
 
     name: str
     file: DescriptionFile
@@ -73,7 +73,7 @@ class FoundDevice:
 
 @dataclass(frozen=True, slots=True)
 class FoundStation:
-    """A station that nothing stands for: its name or address, and what was seen of it.
+    """A station that becomes neither drive nor device: its name or address, and what was seen of it.
 
     ``missing``: the description file that would do, where that is known.  ``keys`` are those of its addresses.
     """
@@ -138,5 +138,5 @@ class ImportingBus(Bus):
         decoder.shared.observed = self._own("decode.observed", "Observed")()
 
     def found(self, decoder: Any, *, models: bool = True) -> Iterable[Found]:
-        """What was noted, drives first; without ``models`` no drive model stands for a station."""
+        """What was noted, drives first; without ``models`` no station becomes a drive."""
         return self._own("found", "found")(decoder, models=models)

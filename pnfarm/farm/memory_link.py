@@ -1,6 +1,6 @@
 """A farm on a memory link in real time: a virtual world whose clock follows the machine's.
 
-Drives and controller share the world's clock.  When the machine stalls, time stands still for both, and up to
+Drives and controller share the world's clock.  When the machine stalls, time stops for both, and up to
 :data:`MOST_BEHIND_NS` is made up for afterwards; what is beyond that is left out of the farm's time.  So a busy machine
 makes no watchdog expire, but the farm's time may run slower than the wall's.
 """
@@ -51,7 +51,7 @@ class MemoryDriver:
         await asyncio.shield(self._failed)
 
     async def close(self) -> None:
-        """Let time stand still; closing twice does nothing."""
+        """Stop the time; closing twice does nothing."""
         if self._handle is not None:
             self._handle.cancel()
             self._handle = None

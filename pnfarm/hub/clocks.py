@@ -41,7 +41,7 @@ class ClockOffset:
         trip = _RoundTrip(shard_ns - (asked_ns + half), half, answered_ns)
         best = self._best
         if best is not None and abs(trip.offset_ns - best.offset_ns) > half + best.uncertainty_ns(answered_ns):
-            # both cannot be true: the shard's clock stood still, as that of a farm in memory on a machine that stalls
+            # both cannot be true: the shard's clock stopped, as that of a farm in memory on a machine that stalls
             self._trips.clear()
         self._trips.append(trip)
         self._best = min(self._trips, key=lambda trip: trip.uncertainty_ns(answered_ns))

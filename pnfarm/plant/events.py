@@ -32,6 +32,6 @@ class PlantModelLate(Event):
 
 @event("plant steps left out", "warning")
 class PlantStepsLeftOut(Event):
-    """The machine stood longer than the plant makes up for; at most once per second, with the sum since the last."""
+    """The machine stalled longer than the plant makes up for; at most once per second, with the sum since the last."""
 
     steps: int

@@ -100,7 +100,7 @@ class FarmLateness:
         self._looked_ns, self._last_budget_ns = now, budget
 
     def was_late(self, begin: int, now: int) -> bool:
-        """Whether it was later than its budget in that time, or its engine still stands."""
+        """Whether it was later than its budget in that time, or its engine still stalls."""
         found = self._by_ratio.since(begin, self._found(begin, now))
         if not found.late:
             return False

@@ -38,7 +38,7 @@ class _Kind(Generic[_Entry]):
         return self.due_ns - (self.pace.at_once - 1) * self.pace.every_ns
 
     def told(self, now: int) -> int:
-        """The number of events for which an entry stands that is written now."""
+        """The number of events that an entry counts that is written now."""
         self.due_ns = max(self.due_ns, now) + self.pace.every_ns
         counted, self.counted, self.last = self.counted, 0, None
         return counted
@@ -53,7 +53,7 @@ class Paces(Generic[_Entry]):
         self._waiting: dict[tuple[str, type[Event]], _Kind[_Entry]] = {}
 
     def take(self, now: int, drive: str, event: Event, pace: Pace, entry: _Entry) -> int:
-        """The number of events for which the entry of this one stands, 0 where it is only counted."""
+        """The number of events that the entry of this one counts, 0 where it is only counted."""
         what = type(event)
         kind = self._drives.setdefault(drive, {}).setdefault(what, _Kind(pace))
         kind.counted += 1

@@ -92,7 +92,7 @@ class Visit:
     steps: dict[Step, int] = field(default_factory=dict)
     cycle_ns: int = 0
     watchdog_ns: int = 0
-    #: How its last connection ended, empty before one did and while one stands.
+    #: How its last connection ended, empty before one did and while one exists.
     ended: str = ""
     #: Refusals beyond those that are kept.
     left_out: int = 0

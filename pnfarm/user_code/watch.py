@@ -19,7 +19,7 @@ LEAST_SECONDS, MOST_SECONDS = 0.001, 0.05
 class Watch:
     """``running`` is set by who makes the calls; ``exceeded`` is called in the thread at each check beyond the limit.
 
-    It counts its looks at one call, so that a machine that stands for a while counts as one.
+    It counts its looks at one call, so that a machine that stalls for a while counts as one.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Adapters of a capture as drives of a farm file: which model stands for each, and under which identity.
+"""Adapters of a capture as drives of a farm file: which model simulates each, and under which identity.
 
 A model is chosen by vendor, device type and product code, else by its vendor and the sizes of its connection; what is
 not sure has a note.  One that is no drive of a known kind is a device, by an EDS file made of its connection, if it has

@@ -1,4 +1,4 @@
-"""Slaves of a capture as drives of a farm file: the ident number says which model stands for each.
+"""Slaves of a capture as drives of a farm file: the ident number determines the model of each.
 
 Everything else is listed with what was seen of it.  A telegram is no key of a drive: its master's Chk_Cfg chooses it.
 """

@@ -1,4 +1,4 @@
-"""Stations of a capture as drives of a farm file: which model stands for each, and under which identity.
+"""Stations of a capture as drives of a farm file: which model simulates each, and under which identity.
 
 A model is chosen by vendor and device number, else by its vendor and the lengths of a telegram; what is not sure has a
 note.  A station that is no drive of a known kind is a device (`found_device`) if it was connected; else it is listed.

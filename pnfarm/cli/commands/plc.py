@@ -260,7 +260,7 @@ async def _watch(controller: Plc, live: bool) -> None:
 
 
 def _reason(row: dict[str, Any]) -> str:
-    """What stands in the way of a drive: its program's failure, unusable submodules, or the last lost connection."""
+    """Why a drive does not operate: its program's failure, unusable submodules, or the last lost connection."""
     failure = row["program"]["failure"] if row["program"] else ""
     return failure or "; ".join(row["unusable"]) or row["last_reason"]
 

@@ -42,7 +42,7 @@ START_SECONDS = 10.0
 STUCK_SECONDS = 4.0
 #: Between two checks of whether the database is there, without a lease.
 ALIVE_SECONDS = 1.0
-#: Times the lease's time to live: a farm whose event loop stands for longer does not renew its claims.
+#: Times the lease's time to live: a farm whose event loop stalls for longer does not renew its claims.
 ABSENT_FACTOR = 2
 #: Before another try to connect, the first and the longest.
 AGAIN_SECONDS, AGAIN_MOST_SECONDS = 0.25, 2.0

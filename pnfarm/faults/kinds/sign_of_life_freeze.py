@@ -1,4 +1,4 @@
-"""sign-of-life-freeze: the sign of life stands."""
+"""sign-of-life-freeze: the sign of life does not change."""
 
 from __future__ import annotations
 

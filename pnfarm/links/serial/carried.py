@@ -1,4 +1,4 @@
-"""How long the kernel takes to carry an octet of a serial line: its workers can stand while processes run on.
+"""How long the kernel takes to carry an octet of a serial line: its workers can stall while processes run.
 
 The octets of every tty, of an adapter as of a pty, wait in the kernel for a worker of one common queue.  A pty of the
 farm's own goes the same way, so that what is late there was late on the line.

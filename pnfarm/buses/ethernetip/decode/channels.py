@@ -66,7 +66,7 @@ class Channel(SummedChannel):
     sequence: int = 0
     count: int = 0
     header: int | None = None
-    #: Whether the sequence count stands still.
+    #: Whether the sequence count does not change.
     stands: bool = False
 
     @property

@@ -1,7 +1,7 @@
 """Data of class 1 connections: only changes give a line, unless every frame is requested.
 
 Lines are given for the first datagram, the run/idle header, words of a position controller's assemblies, a silence
-longer than a given number of intervals, missing datagrams, and a sequence count that stands still or goes back
+longer than a given number of intervals, missing datagrams, and a sequence count that does not change or goes back
 (receivers ignore such data: CIP volume 1, chapter 3-4.4).  The channel keeps sums for the summary.
 """
 

@@ -1,4 +1,4 @@
-"""The identity of a drive on EtherNet/IP, changed as if another product stood there."""
+"""The identity of a drive on EtherNet/IP, changed as if another product were there."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ _MOST_FACTS = 40
 
 
 def of_project(project: L5xProject, folders: DescriptionFolders, base: Path) -> Iterator[Found]:
-    """Drives first, then devices, then modules that nothing stands for.
+    """Drives first, then devices, then modules that become neither.
 
     EDS files are searched in ``folders``; a farm file that names one is in ``base``.
     """

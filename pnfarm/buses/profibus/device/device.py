@@ -1,4 +1,4 @@
-"""One station on PROFIBUS: its slave, its image, and what stands behind them (:mod:`.kind`).
+"""One station on PROFIBUS: its slave, its image, and what is behind them (:mod:`.kind`).
 
 Telegrams and ``now`` in, answers and typed events out.  Slave and user are created at each power-on.
 """

@@ -1,4 +1,4 @@
-"""What stands behind a slave: a drive with its axis, or a station that a maker's file describes.
+"""What is behind a slave: a drive with its axis, or a station that a maker's file describes.
 
 Below this interface nothing knows which.  A kind gives the device the slave's options and its user, and hears of what
 concerns these.

@@ -43,7 +43,7 @@ def _lit(product: Product, state: LampState) -> tuple[str, ...]:
     if not state.found:
         return product.lamp_search_again if state.exchanged else product.lamp_search
     if state.exchanging:
-        # the table has no row for both: that the controller stands still is what a person at the drive looks for
+        # the table has no row for both: a person at the drive looks for a controller in STOP
         if state.clear:
             return product.lamp_clear
         return product.lamp_class_2 if state.class_two else product.lamp_exchange

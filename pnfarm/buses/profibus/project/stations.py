@@ -46,7 +46,7 @@ __all__ = ["address_in", "of_project", "plugged_modules", "slots_of"]
 
 
 def of_project(project: CaexProject, folders: DescriptionFolders, base: Path) -> Iterator[Found]:
-    """Drives first, then devices, then stations that nothing stands for.
+    """Drives first, then devices, then stations that become neither.
 
     GSD files are searched in ``folders``; a farm file that names one is in ``base``.
     """

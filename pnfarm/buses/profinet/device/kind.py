@@ -1,4 +1,4 @@
-"""What stands behind a PROFINET device: a drive with its axes, or a station that a maker's file describes.
+"""What is behind a PROFINET device: a drive with its axes, or a station that a maker's file describes.
 
 Below this interface nothing knows which.  A kind gives the device its description, its own records and its part of the
 cyclic frames, and is notified of what concerns these.
@@ -90,7 +90,7 @@ class Kind(Protocol):
         """The axes, by number, whose set points come from this connection; 0 stands for a station without axes."""
 
     def opened(self, fastest_ns: int) -> None:
-        """A connection with IO data stands; the fastest has this cycle."""
+        """A connection with IO data exists; the fastest has this cycle."""
 
     def fed(self, ar: ArChannels) -> None:
         """This connection feeds."""

@@ -25,7 +25,7 @@ __all__ = ["of_project"]
 
 
 def of_project(project: CaexProject, folders: DescriptionFolders, base: Path) -> Iterator[Found]:
-    """Drives first, then devices, then stations that nothing stands for.
+    """Drives first, then devices, then stations that become neither.
 
     GSDML files are searched in ``folders``; a farm file that names one is in ``base``.
     """

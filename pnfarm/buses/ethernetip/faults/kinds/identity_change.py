@@ -1,4 +1,4 @@
-"""identity-change: another product seems to stand there."""
+"""identity-change: another product seems to be there."""
 
 from __future__ import annotations
 

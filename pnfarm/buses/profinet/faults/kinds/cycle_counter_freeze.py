@@ -1,4 +1,4 @@
-"""cycle-counter-freeze: the cycle counter stands."""
+"""cycle-counter-freeze: the cycle counter does not change."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Fast start-up: PDInterfaceFSUDataAdjust, record 0x8090, and ARFSUDataAdjust, record 0xE050 (IEC 61158-6-10).
 
 The block of either holds others.  Those that say when to send Hello (FSHelloBlock) and which set of parameters a
-controller writes (FSParameterBlock) are decoded; the rest is kept as it stands.
+controller writes (FSParameterBlock) are decoded; the rest is kept unchanged.
 """
 
 from typing import Annotated
