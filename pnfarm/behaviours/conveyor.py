@@ -54,7 +54,7 @@ def step_conveyor(values: Any, memory: Any, seconds: float) -> None:
     for i in range(count):
         memory[_FIRST + i] += way
     pitch = memory[_PITCH]
-    # the next one waits at the begin until the belt moves
+    # the next one waits at the start until the belt moves
     memory[_LAST] = memory[_LAST] + way if memory[_LAST] < pitch else pitch
     while count > 0 and memory[_FIRST + count - 1] < 0.0:
         # it comes again where the belt runs forwards again
@@ -100,7 +100,7 @@ CONVEYOR = Behaviour(
     inputs=(
         number("travel", "how far an axis has moved the belt, in the belt's unit of length"),
         bit("run", "its own motor runs"),
-        bit("feed", "a rising edge puts a part on its begin"),
+        bit("feed", "a rising edge puts a part on its start"),
         bit("take", "a rising edge takes the furthest part away"),
         bit("jam", "1 = the parts do not move, the belt slips below them"),
     ),
@@ -113,7 +113,7 @@ CONVEYOR = Behaviour(
         number("front", "where the furthest part's front is, 0 without a part"),
     ),
     parameters=(
-        quantity("length", "from its begin to its end", low=0.0),
+        quantity("length", "from its start to its end", low=0.0),
         quantity("part", "length of a part", low=0.0),
         quantity("pitch", "parts follow each other at this distance, 0 = only by feed", default=0.0, low=0.0),
         quantity("speed", "of its own motor, per second", default=0.0),

@@ -28,7 +28,7 @@ def step_position_sensor(values: Any, memory: Any, seconds: float) -> None:
     if contact == 0.0:
         inside = low <= place <= high
     else:
-        # it is left only beyond the hysteresis, before its begin a period later, too
+        # it is left only beyond the hysteresis, before its start a period later, too
         inside = low - wide <= place <= high + wide or (period > 0.0 and place >= low + period - wide)
     inside = inside or values[1] != 0.0
     wanted = 1.0 if inside else 0.0

@@ -63,7 +63,7 @@ SIGNALS: Part[Signals] = Part("signals")
 
 
 class SignalEffect(StandingEffect):
-    """A shape over one input from begin to end."""
+    """A shape over one input from start to end."""
 
     signals = SIGNALS
 

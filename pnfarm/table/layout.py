@@ -126,7 +126,7 @@ class Layout:
 
     def copies(self, row: Any, rows: int = 1) -> Any:
         """A table of ``rows`` rows like the one of the table ``row``."""
-        # from the begin of a cache line: the fields that come first in a row are in its first lines
+        # from the start of a cache line: the fields that come first in a row are in its first lines
         size = rows * self.dtype.itemsize
         memory = np.zeros(size + CACHE_LINE, np.uint8)
         begin = -memory.ctypes.data % CACHE_LINE

@@ -313,7 +313,7 @@ class AuditLog:
         return "unnoted" if noted is None and self._note_path is not None else "continued"
 
     def _lines_before(self, end: int) -> list[bytes]:
-        """The lines of the last octets before ``end``, without what may be half a line at their begin."""
+        """The lines of the last octets before ``end``, without what may be half a line at their start."""
         begin = max(0, end - 2 * MOST_LINE)
         lines = os.pread(self._file, end - begin, begin).removesuffix(b"\n").split(b"\n")
         return lines[1:] if begin > 0 else lines
@@ -417,7 +417,7 @@ def _fields(scope: Scope, body: bytes) -> dict[str, Any]:
 
 
 def _cut(text: str) -> str:
-    """Of a text that is too long its begin, and the digest of the whole."""
+    """Of a text that is too long its start, and the digest of the whole."""
     if len(text) <= MOST_TEXT:
         return text
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

@@ -116,7 +116,7 @@ class _Reading:
 
 
 def check_audit(*paths: Path, noted: str | None = None) -> Findings:
-    """Read one file from its begin, or those that were moved away and then the last one.
+    """Read one file from its start, or those that were moved away and then the last one.
 
     Raises :class:`ConfigError` for one that cannot be read.
     """

@@ -101,7 +101,7 @@ class Effect(ABC):  # noqa: B024 - what an effect overrides is its own choice
         """Read the parameters. Raises :class:`ConfigError` when this drive cannot do it."""
 
     def held(self) -> Held:
-        """What is in force from begin to end, after the list of the drive that it is in."""
+        """What is in force from start to end, after the list of the drive that it is in."""
         return None
 
     def put(self) -> None:

@@ -127,7 +127,7 @@ class Frames:
 
 
 class FramesEffect(Effect):
-    """Frames are lost or changed from begin to end."""
+    """Frames are lost or changed from start to end."""
 
     wire = WIRE
     connection = CONNECTION

@@ -46,7 +46,7 @@ KIND = InjectionKind(
     directions=EVERY_DIRECTION,
     takes=FRAMES,
     wire="Frames are later by `delay` to `delay` + `jitter`, each with the cycle counter and the data that it had.",
-    reports="A constant delay: only the gap at its begin, which is IO device failure when it is longer than the "
+    reports="A constant delay: only the gap at its start, which is IO device failure when it is longer than the "
     "watchdog (S7-1500; CODESYS assumed). Jitter above the watchdog: the same. Overtaken cyclic frames are discarded.",
     misfits=_check,
     place=20,

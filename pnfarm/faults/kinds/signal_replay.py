@@ -83,7 +83,7 @@ KIND = InjectionKind(
         "signal": SIGNAL,
         "values": ParamSpec(
             "samples",
-            "TIME:VALUE, times in seconds or as 500ms from the begin on, up to 10,000.  On a command line, "
+            "TIME:VALUE, times in seconds or as 500ms from the start on, up to 10,000.  On a command line, "
             "in a farm file or a scenario, and in Python also a CSV file, a saved trace for instance: `@FILE`, or "
             "`@FILE#COLUMN` by the number or the title of one of several columns of values.",
             required=True,

@@ -107,7 +107,7 @@ class Splitter:
     def _cut(self) -> list[Split]:
         found: list[Split] = []
         while self._waiting:
-            # what seemed the begin of a telegram is none; the rest may hold one
+            # what seemed the start of a telegram is none; the rest may hold one
             self.dropped[CUT_OFF] += 1
             del self._waiting[0]
             found += self._split()

@@ -145,7 +145,7 @@ class FunctionCache(caching.FunctionCache):  # type: ignore[misc]  # numba has n
         """What is kept for these types, None for nothing.
 
         Numba's own imports its whole compiler before it looks.  Kept code needs none of it, and a compilation does
-        the same at its begin: a third of a second of each start.
+        the same at its start: a third of a second of each start.
         """
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)

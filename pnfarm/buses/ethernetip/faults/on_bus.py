@@ -40,7 +40,7 @@ _FRAMES: Final = {
     "delay": _on(
         "Cyclic packets are later by `delay` to `delay` + `jitter`, with the sequence that they had. Messages on TCP "
         "stay in order, whatever `overtake` says.",
-        f"A constant delay: only the gap at its begin. Gaps above the timeout: {_LOST} Overtaken packets are dropped.",
+        f"A constant delay: only the gap at its start. Gaps above the timeout: {_LOST} Overtaken packets are dropped.",
     ),
     "duplicate": _on(
         "A cyclic packet comes again, with the same sequence number; datagrams, too, streams never.",

@@ -17,7 +17,7 @@ __all__ = ["ReportedEffect"]
 
 
 class ReportedEffect(Effect):
-    """Confirmed by the AlarmAck of an alarm that came after its begin, or by a later AR's ModuleDiffBlock."""
+    """Confirmed by the AlarmAck of an alarm that came after its start, or by a later AR's ModuleDiffBlock."""
 
     connection = CONNECTION
     alarms = ALARMS

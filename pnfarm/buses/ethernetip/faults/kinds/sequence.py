@@ -70,7 +70,7 @@ KINDS = (
     InjectionKind(
         "sequence-jump",
         "cyclic",
-        "The sequence of cyclic packets is off by `by`.  Without `count` it jumps at the begin and back at the end; "
+        "The sequence of cyclic packets is off by `by`.  Without `count` it jumps at the start and back at the end; "
         "with `count: 1` a single packet is off.  An originator drops a packet whose number is not ahead of the last "
         "one's.",
         "a cyclic packet whose sequence is off",
@@ -84,7 +84,7 @@ KINDS = (
         place=72,
         wire="The number differs from the true one by `by`, modulo 2^32; the count, modulo 2^16.",
         reports="Forward: nothing, and at its end packets are dropped until the number has caught up. Back: the same "
-        "at its begin. When that takes longer than the timeout, the connection is lost (Logix: module fault 16#0203, "
+        "at its start. When that takes longer than the timeout, the connection is lost (Logix: module fault 16#0203, "
         "CODESYS: the adapter goes to its error state (assumed)).",
         misfits=_check,
     ),

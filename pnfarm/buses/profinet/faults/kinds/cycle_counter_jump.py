@@ -21,7 +21,7 @@ class CounterJump(ProfinetFramesEffect):
 KIND = InjectionKind(
     "cycle-counter-jump",
     "cyclic",
-    "The cycle counter is off by `by`. Without `count` it jumps at the begin and back at the end; with `count: 1` a "
+    "The cycle counter is off by `by`. Without `count` it jumps at the start and back at the end; with `count: 1` a "
     "single frame is off. A controller discards a frame whose counter is up to 4096 behind the last one.",
     "a cyclic frame whose counter is off",
     CounterJump,
