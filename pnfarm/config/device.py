@@ -146,7 +146,7 @@ class DeviceGroup(DescribedSection):
     start: int = Field(default=1, ge=0, le=1_000_000, description="First number for {n}.")
     signals: dict[SignalName, SignalSetting] = Field(
         default_factory=dict,
-        description="Names of values in its data, beside those that its file has: slot.subslot.octet.bit, or a mapping "
+        description="Names of values in its data, besides those of its file: slot.subslot.octet.bit, or a mapping "
         "with `at`, type, unit and scale.",
         examples=[{"part_present": "1.1.0.3"}],
     )

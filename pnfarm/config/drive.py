@@ -91,7 +91,7 @@ class DriveGroup(DescribedSection):
     faults: list[OwnFault] = Field(
         default_factory=list,
         max_length=MAX_FAULTS,
-        description="Faults and warnings beside the model's, which `drive-fault` and `drive-warning` raise.",
+        description="Faults and warnings in addition to the model's, which `drive-fault` and `drive-warning` raise.",
     )
     impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
 
@@ -103,7 +103,7 @@ class AxisGroup(Section):
     load: Load | None = Field(default=None, description="As of the drive.")
     motor: Motor | None = Field(default=None, description="As of the drive; of the same kind.")
     machine: Machine | None = Field(default=None, description="As of the drive.")
-    params: dict[str, Scalar] = Field(default_factory=dict, description="Parameters beside those of the drive.")
+    params: dict[str, Scalar] = Field(default_factory=dict, description="Parameters in addition to those of the drive.")
     motion_tasks: list[Task] | None = Field(default=None, description="As of the drive.")
 
 

@@ -76,7 +76,7 @@ class FaultFields(Section):
     )
     rate: Rate | None = Field(
         default=None,
-        description="Begin repeatedly at random, so often on each drive on average (exponential), such as 2/min.",
+        description="Begin repeatedly at random, at this average rate on each drive (exponential), such as 2/min.",
     )
     times: int | None = Field(
         default=None, ge=1, le=MOST_COUNT, description="With rate: how often it begins on each drive, then it is over."

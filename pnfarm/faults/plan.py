@@ -198,7 +198,7 @@ def _misfits(spec: InjectionSpec) -> Misfits:
         allowed = ", ".join(kind.directions) or f"none: {kind.name} has no direction"
         yield "direction", Problem(f"is {shown(spec.direction)}", allowed)
     if spec.times is not None and spec.rate is None:
-        yield "times", Problem("means nothing without rate", "times with rate; count ends after so many occurrences")
+        yield "times", Problem("means nothing without rate", "times with rate; count ends after N occurrences")
     if spec.rate is not None and not (
         spec.ends or (kind.effect.ends_by_itself and spec.params.get("hold") is not True)
     ):

@@ -42,7 +42,7 @@ _TORQUE = (number("torque", "on the first shaft, against its direction", "Nm"), 
 _TWIST = (number("twist", "the first shaft ahead of the second", "revolutions"), 3)
 _SPRING = (
     quantity("stiffness", "of the spring, Nm/rad", low=1e-6, high=1e9),
-    quantity("damping", "beside the spring, Nm s/rad", default=0.0, low=0.0, high=1e6),
+    quantity("damping", "parallel to the spring, Nm s/rad", default=0.0, low=0.0, high=1e6),
     quantity("backlash", "from stop to stop", "deg", default=0.0, low=0.0, high=360.0),
 )
 _RATIO = quantity("ratio", "revolutions of the second for one of the first", default=1.0, low=1e-6, high=1e6)

@@ -126,7 +126,7 @@ class TraceRequest:
                     "minimum": 1,
                     "maximum": MAX_EVERY,
                     "default": 1,
-                    "description": "A sample every so many steps of the engine, which is every millisecond.",
+                    "description": "A sample every N steps of the engine, which steps every millisecond.",
                 },
                 "interval": {**duration, "description": "Instead of every: time between samples."},
                 "as": {"type": "string", "pattern": f"^{_NAME.pattern}$", "description": "Name to read it by."},

@@ -34,7 +34,7 @@ class ProfinetAxis(AxisGroup):
         description="Slot of its module; left out, the next one after the previous axis.",
     )
     supplementary: int | None = Field(
-        default=None, ge=0, le=_U16, description="Supplementary telegram beside it; left out, the drive's."
+        default=None, ge=0, le=_U16, description="Supplementary telegram in addition to it; left out, the drive's."
     )
 
 
@@ -49,7 +49,7 @@ class ProfinetDrives(IpDrives):
         default=None,
         ge=0,
         le=_U16,
-        description="Supplementary telegram in a submodule of its own beside the telegram's, such as 750: it is "
+        description="Supplementary telegram in a separate submodule in addition to the telegram's, such as 750: it is "
         "plugged at first, and the built-in controller plugs it.",
         examples=[750],
     )
