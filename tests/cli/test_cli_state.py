@@ -23,3 +23,16 @@ def test_commands_save_restore_list_and_delete(pnfarm, monkeypatch, tmp_path):
     refused = pnfarm("state", "restore", "mid")
     assert (refused.code, refused.err.count("\n")) == (2, 1)
     assert "there is no state mid" in refused.err
+
+
+def test_a_state_that_is_not_there_ends_up_before_the_drives_begin(process, tmp_path):
+    file = tmp_path / "a.pnfarm.yml"
+    file.write_text(
+        "farm: a\nlink: {kind: memory}\napi: off\nstate: kept\n"
+        "drives: [{name: press, model: akd-profinet, ip: 10.77.0.11/24}]\ncontroller: {ip: 10.77.0.1/24}\n",
+        "utf-8",
+    )
+    ended = process("up", file, "--restore", "loaded")
+    assert ended.code == 2
+    assert "there is no state loaded" in ended.err
+    assert "press" not in ended.err

@@ -250,6 +250,11 @@ def _bracketed(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
+def _check_restore(farm: Farm, name: str) -> None:
+    """Whether the farm, which has not begun yet, can be put into this state; raises :class:`PnfarmError`."""
+    farm.states.restore_at_once(name, only_check=True)
+
+
 async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings | None, restore: str | None) -> None:
     import anyio
 
@@ -275,6 +280,9 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
     if (section := config.api) is not None:
         # report a port in use before the drives send anything: another farm may have the same drives on the wire
         farm.on_start.append(lambda _: listen(section.host, section.port).close())
+    if restore is not None:
+        # likewise a state that is not there, or is another farm's
+        farm.on_start.append(lambda _: _check_restore(farm, restore))
     async with stop_on_signals() as running:
         try:
             with running:
