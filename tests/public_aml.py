@@ -3,7 +3,7 @@
 The files are others' and stay out of this repository: ``cli/aml_public.csv`` has repository, commit, path and SHA-256
 of each, with those GSDML files of their devices that are public.  A farm file is made of each project, and read; the
 built-in controller brings its devices to data exchange, in memory: as a farm file's, and as ``plc --project`` reads the
-project.  A table (docs/devices.md) says how many stations a project has besides its PLCs, how many became drives and
+project.  A table says how many stations a project has besides its PLCs, how many became drives and
 devices, how many lack a file, and how many did not exchange data, of each controller.  The exit code is 1 where a file
 could not be had, or a device did not exchange data.
 """
