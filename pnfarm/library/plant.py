@@ -18,7 +18,7 @@ __all__ = ["PlantModelReadings", "PlantReadings"]
 
 
 class PlantModelReadings:
-    """A model: its ports are attributes, those without a wire may be set.  Errors are :class:`ConfigError`."""
+    """A model: its ports are attributes, those without a wire may be set, else :class:`ConfigError`."""
 
     __slots__ = ("_part",)
     _part: PlantPart
@@ -27,7 +27,12 @@ class PlantModelReadings:
         object.__setattr__(self, "_part", part)
 
     def __getattr__(self, name: str) -> Value:
-        return self._part.signals.get(name)
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            return self._part.signals.get(name)
+        except ConfigError as exc:
+            raise AttributeError(str(exc)) from exc
 
     def __setattr__(self, name: str, value: Value) -> None:
         self._part.signals.set({name: value})
@@ -41,7 +46,7 @@ class PlantModelReadings:
 
 
 class PlantReadings:
-    """The models by their names, as attributes, or with ``plant["my-model"]``.  Errors are :class:`ConfigError`."""
+    """The models by their names, as attributes, or with ``plant["my-model"]``, which raises :class:`ConfigError`."""
 
     __slots__ = ("_parts",)
 
@@ -58,7 +63,12 @@ class PlantReadings:
         return PlantModelReadings(self._parts[name])
 
     def __getattr__(self, name: str) -> PlantModelReadings:
-        return self[name]
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            return self[name]
+        except ConfigError as exc:
+            raise AttributeError(str(exc)) from exc
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._parts)

@@ -1,9 +1,11 @@
 """Inputs with a wire under a force: the wire's end is torn or bridged."""
 
 import json
+from copy import copy
 
 import pytest
 
+from pnfarm.errors import ConfigError
 from pnfarm.farm.state.content import check_state, put_state, take_state
 from pnfarm.signals.refusal import SignalError
 from pnfarm.testing import Line
@@ -27,6 +29,19 @@ def line():
 
 def _of(line, model):
     return line.core.plant.parts[model].signals
+
+
+def test_a_model_or_port_that_is_not_there_is_no_attribute(line):
+    plant = line.plant
+    assert (hasattr(plant, "lamp"), hasattr(plant, "gripper")) == (True, False)
+    assert (hasattr(plant.lamp, "lit"), getattr(plant.lamp, "dark", None)) == (True, None)
+    assert copy(plant).lamp.lit == plant.lamp.lit
+    with pytest.raises(AttributeError, match="the plant has no model 'lam', did you mean lamp"):
+        _ = plant.lam
+    with pytest.raises(ConfigError, match="the plant has no model 'lam'"):
+        _ = plant["lam"]
+    with pytest.raises(ConfigError, match="dark"):
+        plant.lamp.dark = True
 
 
 def test_a_forced_input_keeps_its_value_whatever_its_wire_brings_until_it_is_released(line):
