@@ -61,12 +61,24 @@ def test_an_acknowledgement_may_come_behind_its_entry():
         ((entry(1), entry(3), entry(2)), None, ()),
         ((entry(2), entry(3)), None, ()),
         ((entry(1), ("gap", "", '{"lost": 3}'), entry(5)), None, ()),
+        ((entry(1), ("gap", "", '{"lost": 3}'), entry(2)), None, ()),
         ((entry(1), entry(2)), 3, ()),
         ((entry(1), entry(2)), None, ("fault-7",)),
         ((entry(1), ("", "2", entry(3)[2])), None, ()),
         ((), 0, ()),
     ],
-    ids=["hole", "twice", "disorder", "late begin", "gap", "early end", "fault missing", "wrong number", "empty"],
+    ids=[
+        "hole",
+        "twice",
+        "disorder",
+        "late begin",
+        "gap",
+        "gap alone",
+        "early end",
+        "fault missing",
+        "wrong number",
+        "empty",
+    ],
 )
 def test_a_stream_that_lost_something_is_found(messages, newest, asked):
     assert stream_of(*messages, newest=newest, asked=asked)[0] is False
@@ -132,6 +144,9 @@ def test_a_request_without_an_answer_is_the_farms_failure_unless_its_process_did
     assert [check.ok for check in answered(["500"], [], 5.0, "all")] == [False]
     assert [check.ok for check in answered([], [("GET /", 3.0)], 5.0, "all")] == [False]
     assert [check.ok for check in answered([], [("GET /", 20.0)], 5.0, "all")] == [True, None]
+    assert answered([], [], 5.0, "all")[0].told == "all"
+    wrong = answered(["GET /drives: 500"], [("GET /", 3.0)], 5.0, "all")
+    assert wrong[0].told == "GET /drives: 500; GET /: no answer in time"
 
 
 # -- logs, and what is held
@@ -171,6 +186,11 @@ HELD = {"gate rules": 0, "threads": 6, "tasks": {"Server.serve": 1}, "connection
 )
 def test_what_is_held_beyond_the_start_or_no_more_is_found(change):
     assert same_as_before("farm", HELD, {**HELD, **change}, {"threads": 4}).ok is False
+
+
+def test_what_differs_is_named_and_otherwise_what_is_held():
+    assert same_as_before("farm", HELD, {**HELD, "connections": 63}, {}).told == "connections 64 -> 63"
+    assert same_as_before("farm", HELD, HELD, {}).told == "gate rules 0, threads 6, connections 64"
 
 
 def test_threads_may_come_and_go():

@@ -15,7 +15,7 @@ from tests.soak.kept import Kept, KeptError
 from tests.soak.losses import Losses
 from tests.soak.pieces import run_pieces
 from tests.soak.report import page, verdict
-from tests.soak.slopes import BOUNDS, MIB, slope, slope_check
+from tests.soak.slopes import BOUNDS, MIB, _student, slope, slope_check
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTIONS = {"hours": 1.0, "piece": 1200.0, "seed": 7, "drives": 8, "rate": 1.5, "link": "veth", "virtual": False}
@@ -208,6 +208,16 @@ def test_an_interval_with_the_bound_in_it_is_not_judged():
     assert "too short to judge" in check.told
 
 
+@pytest.mark.parametrize(("free", "quantile"), [(4, 2.776), (5, 2.571), (8, 2.306), (20, 2.086), (200, 1.972)])
+def test_the_interval_is_students(free, quantile):
+    assert _student(free) == pytest.approx(quantile, rel=0.003)
+
+
+def test_no_slope_is_not_judged():
+    check = slope_check("farm", "rss", None)
+    assert (check.ok, check.told) == (None, "too short to judge")
+
+
 def test_what_never_changes_has_no_interval():
     found = slope_of([[(at * 10.0, 7.0) for at in range(360)]])
     assert (found.per_hour, found.half) == (0.0, 0.0)
@@ -265,15 +275,43 @@ def test_a_fault_of_many_stations_is_the_reason_of_the_first_that_it_broke():
 
 def test_noise_of_one_slave_is_a_reason_for_the_others_of_its_line_alone():
     noise = entry(10.0, "fault injected", drive="dp-01", id="f", kind="line-noise")
-    for drive, kind, ok in (
-        ("slave", "line-noise", True),
-        ("akd-01", "line-noise", False),
-        ("slave", "silence", False),
+    for of, drive, kind, ok in (
+        ("dp-01", "slave", "line-noise", True),
+        ("dp-01", "akd-01", "line-noise", False),
+        ("dp-01", "slave", "silence", False),
+        ("akd-01", "slave", "delay", False),
     ):
         losses = Losses("time", on_serial_line)
-        losses.entry({**noise, "kind": kind})
+        losses.entry({**noise, "kind": kind, "drive": of})
         losses.entry(entry(10.5, "connection lost", drive=drive))
         assert verdicts(losses)[0] is ok
+
+
+def test_of_several_reasons_the_one_that_is_in_force_counts_and_of_those_the_newest():
+    over = entry(10.2, "fault injected", id="g", kind="delay"), entry(10.4, "injected fault ended", id="g")
+    assert losses_of(INJECTED, *over, LOST).report()["losses"] == {"silence": 1}
+    assert losses_of(INJECTED, over[0], LOST).report()["losses"] == {"delay": 1}
+
+
+def test_a_loss_counts_once_whatever_is_found_out_later():
+    late = entry(10.6, "fault injected", id="f", kind="ar-abort")
+    assert losses_of(LOST, late, BACK).report()["losses"] == {"ar-abort": 1}
+
+
+def test_a_released_connection_is_no_loss_but_its_station_is_to_come_back():
+    released = entry(10.6, "ar released")
+    assert losses_of(released).away == {"akd-01": (10.6, "released")}
+    losses = losses_of(BACK, INJECTED, released, ENDED, BACK)
+    assert verdicts(losses) == [True, True]
+    assert losses.report() == {"losses": {}, "unexplained": [], "returns": {"silence": [1.5, "akd-01"]}}
+
+
+def test_an_unexplained_loss_is_named_with_what_was_in_the_log_around_it():
+    losses = losses_of(entry(8.0, "state changed"), LOST, entry(12.6, "state changed"), BACK)
+    told = "akd-01 at 10.600: {'time': 10.6, 'event': 'ar aborted', 'drive': 'akd-01'}"
+    assert losses.checks()[0].told == told
+    assert losses.unexplained_at == {told: 10.6}
+    assert losses.around(10.6, 2.0) == ["+0.000 akd-01 ar aborted", "+2.000 akd-01 state changed"]
 
 
 def test_a_loss_without_a_reason_and_one_long_after_it_are_found():
@@ -313,6 +351,9 @@ def test_a_loss_when_the_controller_did_not_run_is_its_machines():
     losses.stood("the controller did not run", 9.9, 0.5)
     assert verdicts(losses) == [True, True]
     assert +losses.by_reason == {"the controller did not run": 1}
+    losses = losses_of(LOST, BACK)
+    losses.stood("the controller did not run", 2.0, 6.0)
+    assert verdicts(losses) == [True, True], "8 s and a moment"
 
 
 # -- report
