@@ -6,8 +6,16 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from pnfarm.protocols.profibus.slave import TRANSITIONS, Slave
-from pnfarm.protocols.profibus.slave_user import AddressSet, BaudFound, BaudLost, Left, ParametersRefused, SlaveOptions
+from pnfarm.protocols.profibus.slave import PARAMETERS_AGAIN, TRANSITIONS, Slave
+from pnfarm.protocols.profibus.slave_user import (
+    AddressSet,
+    BaudFound,
+    BaudLost,
+    ClearChanged,
+    Left,
+    ParametersRefused,
+    SlaveOptions,
+)
 from pnfarm.protocols.profibus.wire.dp import (
     NO_MASTER,
     Control,
@@ -73,6 +81,7 @@ def test_a_slave_that_was_just_switched_on_asks_for_parameters(bench):
     found = bench.diagnosis()
     assert found.status == StationStatus.STATION_NOT_READY | StationStatus.PRM_REQ | StationStatus.ALWAYS_1
     assert (found.master, found.ident) == (NO_MASTER, IDENT)
+    assert bench.slave.min_tsdr_bits == 11
 
 
 def test_the_way_to_data_exchange(bench):
@@ -85,6 +94,18 @@ def test_the_way_to_data_exchange(bench):
     assert bench.ask(Sap.READ_INPUTS).data == bytes(range(12))
     assert bench.ask(Sap.READ_OUTPUTS).data == DATA
     assert bench.ask(Sap.GET_CONFIGURATION).data == bench.drive.identifiers
+
+
+def test_outputs_are_read_only_once_there_were_some(bench):
+    bench.parameters()
+    bench.ask(Sap.CHECK_CONFIGURATION, bench.drive.identifiers)
+    assert bench.slave.state is DpState.DATA_EXCH
+    assert not bench.slave.exchanging
+    assert bench.ask(Sap.READ_OUTPUTS).code == Answer.RS
+    assert bench.ask(Sap.READ_INPUTS).data == bytes(range(12))
+    bench.ask(None, DATA)
+    assert bench.slave.exchanging
+    assert bench.ask(Sap.READ_OUTPUTS).data == DATA
 
 
 @pytest.mark.parametrize(
@@ -176,6 +197,7 @@ def test_parameters_that_do_not_fit_are_told_by_the_diagnosis(bench, given, bit)
     bench.parameters(**given)
     assert bench.slave.state is DpState.WAIT_PRM
     assert bench.diagnosis().status & bit
+    assert bench.slave.refusals == 1
     bench.parameters()
     assert not bench.diagnosis().status & bit
 
@@ -196,6 +218,21 @@ def test_what_the_slave_lacks_is_not_supported(options, user, lacking):
     assert refused == f"{lacking} not supported"
 
 
+def test_a_slave_lacks_nothing_that_it_was_not_asked_for():
+    bench = Bench(supports_sync=False, supports_freeze=False)
+    bench.parameters(PrmStatus.LOCK_REQ | PrmStatus.WD_ON)
+    assert bench.slave.state is DpState.WAIT_CFG
+    assert not bench.diagnosis().status & StationStatus.NOT_SUPPORTED
+
+
+def test_parameters_in_data_exchange_begin_the_way_again(bench):
+    bench.exchange()
+    bench.slave.take_events()
+    assert bench.parameters() == ShortAck()
+    assert bench.slave.state is DpState.WAIT_CFG
+    assert [event.why for event in bench.slave.take_events() if isinstance(event, Left)] == [PARAMETERS_AGAIN]
+
+
 def test_octets_of_a_user_without_dp_v1_ask_for_no_modes_of_it():
     bench = Bench(v1=False)
     bench.parameters(user=bytes.fromhex("FF FF FF"))
@@ -213,10 +250,10 @@ def test_alarms_are_not_supported(bench):
 def test_unlock_releases_and_no_lock_changes_the_time_alone(bench):
     bench.exchange()
     bench.slave.take_events()
-    bench.parameters(0, tsdr=60)
+    assert bench.parameters(0, tsdr=60) == ShortAck()
     assert bench.slave.state is DpState.DATA_EXCH
     assert bench.slave.min_tsdr_bits == 60
-    bench.parameters(PrmStatus.UNLOCK_REQ)
+    assert bench.parameters(PrmStatus.UNLOCK_REQ) == ShortAck()
     assert bench.slave.state is DpState.WAIT_PRM
     assert [event.why for event in bench.slave.take_events() if isinstance(event, Left)] == ["unlocked"]
 
@@ -232,6 +269,7 @@ def test_a_configuration_that_does_not_fit_ends_it_too(bench):
     bench.ask(Sap.CHECK_CONFIGURATION, b"\x11")
     assert bench.slave.state is DpState.WAIT_PRM
     assert bench.diagnosis().status & StationStatus.CFG_FAULT
+    assert bench.slave.refusals == 1
 
 
 def test_a_configuration_of_another_length_leaves_nothing_held_and_nothing_frozen(bench):
@@ -286,10 +324,16 @@ def test_empty_outputs_are_clear_only_for_a_slave_with_fail_safe_that_was_asked_
     bench.ask(Sap.CHECK_CONFIGURATION, bench.drive.identifiers)
     assert bench.ask(None, b"").code == Answer.DL
     assert bench.drive.cleared == 1
-    other = Bench()
-    other.exchange()
-    assert other.ask(None, b"").code == Answer.RS
-    assert other.slave.state is DpState.WAIT_PRM
+    for options in ({}, {"supports_fail_safe": True}):
+        other = Bench(**options)
+        other.exchange()
+        assert other.ask(None, b"").code == Answer.RS
+        assert other.slave.state is DpState.WAIT_PRM
+    # without DP-V1, Set_Prm has no bit for it
+    older = Bench(supports_fail_safe=True, v1=False)
+    older.exchange()
+    assert older.ask(None, b"").code == Answer.DL
+    assert older.drive.cleared == 1
 
 
 def control(bench, command, groups=0, source=2, destination=BROADCAST):
@@ -316,6 +360,25 @@ def test_sync_holds_outputs_and_freeze_holds_inputs(bench):
     assert bench.ask(None, DATA).data == bytes(range(12))
     control(bench, Control.UNFREEZE)
     assert bench.ask(None, DATA).data == b"\xaa" * 12
+
+
+def test_clear_begins_and_ends_and_freezes_nothing(bench):
+    bench.exchange()
+    bench.slave.take_events()
+    control(bench, Control.CLEAR_DATA)
+    control(bench, Control.CLEAR_DATA)
+    control(bench, 0)
+    assert bench.slave.take_events() == [ClearChanged(True), ClearChanged(False)]
+    bench.drive.shown = b"\xaa" * 12
+    assert bench.ask(None, DATA).data == b"\xaa" * 12
+
+
+def test_data_to_another_access_point_is_no_command(bench):
+    bench.exchange()
+    for dsap, ssap in ((60, Sap.MASTER), (Sap.GLOBAL_CONTROL, 61)):
+        octets = GlobalControl(Control.CLEAR_DATA, 0).emit()
+        assert bench.slave.receive(Telegram(BROADCAST, 2, SDN, dsap, ssap, octets), bench.now) is None
+    assert not bench.slave.clear
 
 
 def test_data_exchanges_count_also_where_outputs_are_held_and_nothing_else_counts_as_one(bench):
@@ -348,8 +411,11 @@ def test_the_watchdog_ends_what_its_master_no_longer_asks_for(bench):
     bench.ask(Sap.SLAVE_DIAGNOSIS, source=9)
     bench.slave.handle_timeout(bench.now + 39 * MS)
     assert bench.slave.state is DpState.DATA_EXCH
+    changes = []
+    bench.slave.changed = lambda: changes.append(bench.slave.state)
     bench.slave.handle_timeout(bench.now + 40 * MS)
     assert bench.slave.state is DpState.WAIT_PRM
+    assert changes, "the next poll is not like the one before"
     assert [event.why for event in bench.slave.take_events() if isinstance(event, Left)] == ["watchdog"]
 
 
@@ -364,6 +430,9 @@ def test_the_address_changes_with_the_answer_and_only_where_it_may(bench):
     other = Bench()
     other.ask(Sap.SET_SLAVE_ADDRESS, SetAddress(8, IDENT + 1).emit())
     assert other.slave.address == 3
+    fixed = Bench(address_changes=False)
+    assert fixed.ask(Sap.SET_SLAVE_ADDRESS, SetAddress(8, IDENT).emit()).code == Answer.RS
+    assert fixed.slave.address == 3
 
 
 def test_the_baud_rate_is_sought_after_silence(bench):
