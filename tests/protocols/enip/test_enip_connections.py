@@ -62,9 +62,10 @@ def test_a_point_to_point_connection_goes_to_the_originators_address_and_the_por
     assert event.connection.destination == (PEER[0], 40_000)
     assert reply.t_to_o_id == io_request().t_to_o_id, "who consumes point to point chooses its id"
     assert items == [cpf.SocketAddress(o_to_t=True, port=2222)]
-    bench.close(session, io_request().triad)
-    bench.opened(session, io_request(kind=P2P))
-    assert bench.take(ConnectionOpened)[-1].connection.destination == (PEER[0], 2222)
+    for items in ((), (cpf.SocketAddress(o_to_t=False, port=0),), (cpf.SocketAddress(o_to_t=True, port=40_000),)):
+        bench.close(session, io_request().triad)
+        bench.opened(session, io_request(kind=P2P), *items)
+        assert bench.take(ConnectionOpened)[-1].connection.destination == (PEER[0], 2222)
 
 
 def test_a_large_forward_open_opens_the_same(bench, session):
@@ -335,6 +336,16 @@ def test_connections_of_one_multicast_share_its_id_and_one_of_them_drives_it(ben
     assert [event.connection.produces for event in bench.take(ConnectionOpened)] == [True, False, False]
 
 
+def test_all_connections_of_one_multicast_have_its_size_and_others_their_own(bench, session):
+    manager = bench.drive.manager
+    ranged = tuple(replace(offer, produced_least=4) for offer in manager.settings.offers)
+    manager.settings = replace(manager.settings, offers=ranged)
+    bench.opened(session, io_request(1))
+    assert bench.open(session, io_request(2, t_to_o=34, **INPUT_ONLY))[0].extended == (0x0134,)
+    bench.opened(session, io_request(2, kind=P2P, t_to_o=34, **INPUT_ONLY))
+    bench.opened(session, io_request(3, **INPUT_ONLY))
+
+
 def test_the_production_moves_when_its_driver_closes_and_listeners_end_with_the_last_owner(bench, session):
     for request in (io_request(1), io_request(2, **LISTEN_ONLY), io_request(3, **INPUT_ONLY)):
         bench.opened(session, request)
@@ -350,6 +361,24 @@ def test_a_point_to_point_owner_is_nothing_to_listen_to(bench, session):
     bench.opened(session, io_request(1, kind=P2P))
     assert bench.open(session, io_request(2, **LISTEN_ONLY))[0].extended == (0x0119,)
     assert bench.open(session, io_request(2, kind=P2P, **LISTEN_ONLY))[0].extended == (0x0124,)
+
+
+# Unconnected_Send
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "extended"),
+    [
+        (lambda: fo.UnconnectedSend(READ).emit(), 0, ()),
+        (lambda: fo.UnconnectedSend(READ, b"\1\0").emit(), 1, (0x0311,)),
+        (lambda: fo.UnconnectedSend(READ).emit()[:5], 1, (0x0205,)),
+    ],
+    ids=["to itself", "to another port", "cut"],
+)
+def test_a_message_in_an_unconnected_send_is_for_the_device_itself_or_refused(bench, session, body, status, extended):
+    reply = bench.request(session, 0x52, MANAGER, body())
+    assert (reply.status, reply.extended) == (status, extended)
+    assert reply.data == (b"" if status else (77).to_bytes(4, "little"))
 
 
 # Class 3
@@ -395,7 +424,9 @@ def test_messages_of_unknown_connections_other_streams_and_too_long_ones_have_no
     assert unit(bench, session, reply.o_to_t_id, 1, READ + bytes(100)) == []
     other = bench.register(stream=2)
     assert unit(bench, other, reply.o_to_t_id, 1, READ, stream=2) == []
-    assert bench.drive.encapsulation.discards["connection"] == 3
+    cyclic, _ = bench.opened(session, io_request(7))
+    assert unit(bench, session, cyclic.o_to_t_id, 1, READ) == []
+    assert bench.drive.encapsulation.discards["connection"] == 4
     wrong = EncapsulationPdu(Command.SEND_UNIT_DATA, bytes(6), session)
     (refusal,) = bench.ask(wrong)
     assert refusal.status == encapsulation.EncapsulationStatus.INCORRECT_DATA
