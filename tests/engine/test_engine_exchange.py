@@ -152,6 +152,37 @@ def test_frames_that_a_delay_holds_come_before_the_next_one_when_it_ends(directi
     assert receiver.discarded[DISCARD_COUNTER] == 0
 
 
+@pytest.mark.parametrize("follower", [True, False])
+def test_a_frame_that_waited_longer_than_its_connection_lived_is_not_taken(follower):
+    pair = Pair(hold=64)
+    pair.run(0.1)
+    table = ImpairmentTable(pair.farm)
+    table.channel_opened(0, "in", 0)
+    table.add(0, "in", DELAY, settings={"delay_ns": 30 * MS})
+    pair.run(0.02)
+    assert pair.farm.engine[0].held_in >= 19
+    consumer = pair.farm.cpm[0]
+    before = int(consumer.received)
+    if follower:
+        # the row is another connection's
+        consumer.generation += 1
+    else:
+        pair.farm_channels.close_consumer(0)
+    pair.run(0.029)
+    assert consumer.received == before
+    pair.run(0.01)
+    assert bool(consumer.received > before) is follower
+
+
+def test_data_that_have_not_come_yet_do_not_expire_where_their_first_has_no_limit():
+    pair = Pair()
+    pair.controller.ppm[0].active = 0
+    pair.run(0.5)
+    assert pair.farm.cpm[0].first_hold_ns == 0
+    assert pair.seen("expired") == []
+    assert pair.farm.cpm[0].expirations == 0
+
+
 @pytest.mark.parametrize("direction", ["in", "out"])
 def test_a_frame_behind_the_end_of_a_slow_line_does_not_overtake_those_that_wait_there(direction):
     pair = Pair(hold=64)
