@@ -11,7 +11,15 @@ from pnfarm.engine.channels.schedule import ChannelTable, ProviderPlan
 from pnfarm.engine.columns import allocate, lookup_find, lookup_rebuild
 from pnfarm.engine.tick import receive
 from pnfarm.errors import InternalError
-from pnfarm.table.channel import DISCARD_COUNTER, DISCARD_IMPAIRED, MAX_WORDS
+from pnfarm.table.channel import (
+    DISCARD_COUNTER,
+    DISCARD_IMPAIRED,
+    IOXS_BAD,
+    IOXS_GOOD,
+    MAX_WORDS,
+    STATUS_RUN,
+    STATUS_VALID,
+)
 from pnfarm.table.impairment import DATA_INVALID, DELAY, DUPLICATE, IOPS_BAD, LOSS, PROVIDER_STOP, THROTTLE
 from pnfarm.table.program import FAULTED, RUNNING
 
@@ -172,6 +180,21 @@ def test_a_frame_that_waited_longer_than_its_connection_lived_is_not_taken(follo
     assert consumer.received == before
     pair.run(0.01)
     assert bool(consumer.received > before) is follower
+
+
+@pytest.mark.parametrize("runs", [0, 1])
+@pytest.mark.parametrize("good", [0, 1])
+def test_the_first_frame_reports_what_its_provider_is_whatever_the_row_held_before(good, runs):
+    pair = Pair()
+    sender, receiver = pair.controller.ppm[0], pair.farm.cpm[0]
+    receiver.iops, receiver.data_status = (IOXS_GOOD if good else IOXS_BAD), (STATUS_RUN if runs else 0)
+    sender.data_status = STATUS_VALID | (STATUS_RUN if runs else 0)
+    pair.controller.image[0].good = good
+    pair.run(0.05)
+    assert pair.seen("first_frame") == [(0, int(receiver.generation))]
+    assert pair.seen("provider_changed") == [(0, runs)]
+    assert pair.seen("iops_changed") == [(0, good)]
+    assert bool(pair.farm.image[0].valid) is bool(good and runs)
 
 
 def test_data_that_have_not_come_yet_do_not_expire_where_their_first_has_no_limit():
