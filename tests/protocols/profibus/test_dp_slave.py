@@ -82,6 +82,7 @@ def test_a_slave_that_was_just_switched_on_asks_for_parameters(bench):
     assert found.status == StationStatus.STATION_NOT_READY | StationStatus.PRM_REQ | StationStatus.ALWAYS_1
     assert (found.master, found.ident) == (NO_MASTER, IDENT)
     assert bench.slave.min_tsdr_bits == 11
+    assert not bench.slave.v1_enabled
 
 
 def test_the_way_to_data_exchange(bench):
@@ -436,11 +437,14 @@ def test_the_address_changes_with_the_answer_and_only_where_it_may(bench):
 
 
 def test_the_baud_rate_is_sought_after_silence(bench):
+    assert bench.slave.next_deadline() is None, "there is none to lose yet"
     bench.slave.receive(Telegram(9, 2, STATUS), bench.now)
+    assert bench.slave.next_deadline() == bench.now + 5_000 * MS
     assert [type(event) for event in bench.slave.take_events()] == [BaudFound]
     bench.slave.handle_timeout(bench.now + 5_000 * MS)
     assert [type(event) for event in bench.slave.take_events()] == [BaudLost]
     assert not bench.slave.found
+    assert bench.slave.next_deadline() is None
 
 
 def test_a_static_diagnosis_is_asked_for_again(bench):
