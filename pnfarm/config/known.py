@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from pnfarm.config.axis import axis_complaints
 from pnfarm.config.realism import missing_figures
@@ -26,100 +26,17 @@ from pnfarm.firmware.axis import AXIS
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 
     from pnfarm.config.axis import Load, Motor
     from pnfarm.config.realism import Realism
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.parameters.user_list import ListProblem
 
-__all__ = ["Complaint", "InstalledModel", "Known", "ModelFacts", "catalogue"]
+__all__ = ["Complaint", "Known", "ModelFacts", "catalogue"]
 
 #: What is wrong with one key below a section, and what is allowed: ``("vendor", "is 70000", "...")``.
 Complaint = tuple[str, str, str]
-
-
-class ModelFacts(Protocol):
-    """A drive model as the checks of the farm file see it."""
-
-    @property
-    def name(self) -> str:
-        """The name under which the model is listed."""
-
-    @property
-    def bus(self) -> str:
-        """The name of the bus that it is on."""
-
-    @property
-    def min_cycle_ns(self) -> int:
-        """The fastest cycle that its manual allows."""
-
-    @property
-    def max_cycle_ns(self) -> int:
-        """The slowest cycle, 0 where its manual names none."""
-
-    @property
-    def send_clocks(self) -> Iterable[int]:
-        """The send clock factors that it takes with strict limits."""
-
-    @property
-    def telegrams(self) -> Iterable[int]:
-        """The telegrams it has."""
-
-    @property
-    def supplements(self) -> Iterable[int]:
-        """Its supplementary telegrams."""
-
-    @property
-    def default_telegram(self) -> int:
-        """The telegram of a drive for which none is configured."""
-
-    @property
-    def motion_tasks(self) -> int:
-        """How many motion tasks it stores."""
-
-    @property
-    def most_axes(self) -> int:
-        """Most axes on one connection, by its manual."""
-
-    @property
-    def aliases(self) -> Iterable[str]:
-        """Its other names."""
-
-    @property
-    def open_points(self) -> Mapping[str, Sequence[str]]:
-        """Points that its manual leaves open, and the readings of each, the default first."""
-
-    def parameter_complaints(self, params: Mapping[str, Any]) -> list[Complaint]:
-        """What is wrong with the ``params`` of a group."""
-
-    def identity_complaints(self, identity: Mapping[str, Any]) -> list[Complaint]:
-        """What is wrong with the ``identity`` of a group."""
-
-    def behaviour_complaints(self, behaviour: Mapping[str, str]) -> list[Complaint]:
-        """What is wrong with the ``behaviour`` of a group."""
-
-    def words_complaints(self, words: Mapping[str, Sequence[str]]) -> list[Complaint]:
-        """What is wrong with the ``words`` of a group."""
-
-    def motor_complaints(self, kind: str | None, pitch: float | None) -> list[Complaint]:
-        """What is wrong with the kind and the pitch of a group's ``motor``."""
-
-    def moves_straight(self, kind: str | None) -> bool:
-        """Whether a motor of this kind is a linear one."""
-
-    def axis_complaints(self, load: Load, motor: Motor) -> list[Complaint]:
-        """Values that ``load`` and ``motor`` of a group make together and no axis can have."""
-
-    def realism_complaints(self, realism: Realism) -> list[tuple[tuple[str, ...], str, str]]:
-        """What is wrong with the ``realism`` of a group: keys, what, and what is allowed."""
-
-    def with_list(self, text: str, file: str) -> tuple[ModelFacts, list[ListProblem]]:
-        """The model with the parameters of a list (the text of a ``file``), and what is wrong in the list."""
-
-    @property
-    def described(self) -> Model | None:
-        """The model itself, None where only these facts are known."""
 
 
 @lru_cache(maxsize=64)
@@ -132,19 +49,19 @@ def _axes(model: Model, kind: str | None, pitch: float | None) -> tuple[Any, flo
 
 
 @dataclass(frozen=True, slots=True)
-class InstalledModel:
-    """:class:`ModelFacts` of a model of the catalogue."""
+class ModelFacts:
+    """A drive model of the catalogue as the checks of the farm file see it."""
 
     model: Model
 
     name = property(attrgetter("model.name"))
     bus = property(attrgetter("model.bus"))
     min_cycle_ns = property(attrgetter("model.limits.min_cycle_ns"))
+    #: 0 where its manual names none.
     max_cycle_ns = property(attrgetter("model.limits.max_cycle_ns"))
     send_clocks = property(attrgetter("model.limits.send_clocks"))
     telegrams = property(attrgetter("model.profidrive.telegrams"))
     supplements = property(attrgetter("model.profidrive.supplements"))
-    default_telegram = property(attrgetter("model.profidrive.default_telegram"))
     motion_tasks = property(attrgetter("model.limits.motion_tasks"))
     most_axes = property(attrgetter("model.limits.axes"))
     aliases = property(attrgetter("model.aliases"))
@@ -152,12 +69,14 @@ class InstalledModel:
 
     @property
     def open_points(self) -> Mapping[str, Sequence[str]]:
+        """Points that its manual leaves open, and the readings of each, the default first."""
         sets = {SET: sorted(self.model.behaviour_sets, key=lambda name: name != "generic")}
         return (sets if self.model.behaviour_sets else {}) | {
             point.name: sorted(point.readings, key=lambda name: name != point.default) for point in self.model.behaviour
         }
 
     def parameter_complaints(self, params: Mapping[str, Any]) -> list[Complaint]:
+        """What is wrong with the ``params`` of a group."""
         complaints: list[Complaint] = []
         for key, value in params.items():
             try:
@@ -179,6 +98,7 @@ class InstalledModel:
         return complaints
 
     def identity_complaints(self, identity: Mapping[str, Any]) -> list[Complaint]:
+        """What is wrong with the ``identity`` of a group."""
         allowed = f"what `pnfarm models {self.name}` shows under identity, dap and telegrams"
         if (known := overrides_of(self.model)) is not OVERRIDES:
             allowed = "; ".join(f"{key}: {what}" for key, what in known.items())
@@ -192,6 +112,7 @@ class InstalledModel:
         return complaints
 
     def behaviour_complaints(self, behaviour: Mapping[str, str]) -> list[Complaint]:
+        """What is wrong with the ``behaviour`` of a group."""
         points = {point.name: point for point in self.model.behaviour}
         complaints: list[Complaint] = []
         for name, reading in behaviour.items():
@@ -209,6 +130,7 @@ class InstalledModel:
         return complaints
 
     def words_complaints(self, words: Mapping[str, Sequence[str]]) -> list[Complaint]:
+        """What is wrong with the ``words`` of a group."""
         try:
             with_words(self.model, words)
         except ConfigError as error:
@@ -217,6 +139,7 @@ class InstalledModel:
         return []
 
     def motor_complaints(self, kind: str | None, pitch: float | None) -> list[Complaint]:
+        """What is wrong with the kind and the pitch of a group's ``motor``."""
         kinds = (ROTARY, *self.model.motor_kinds)
         if kind is not None and kind not in kinds:
             hint = did_you_mean(kind, kinds)
@@ -226,22 +149,26 @@ class InstalledModel:
         return []
 
     def moves_straight(self, kind: str | None) -> bool:
+        """Whether a motor of this kind is a linear one."""
         found = self.model.motor_kinds.get(kind or ROTARY)
         return found is not None and found.pitch > 0.0
 
     def axis_complaints(self, load: Load, motor: Motor) -> list[Complaint]:
+        """Values that ``load`` and ``motor`` of a group make together and no axis can have."""
         if self.motor_complaints(motor.kind, motor.pitch):
             return []
         axes, pitch = _axes(self.model, motor.kind, motor.pitch)
         return axis_complaints(AXIS.copies(axes)[0], load, motor, pitch)
 
     def realism_complaints(self, realism: Realism) -> list[tuple[tuple[str, ...], str, str]]:
+        """What is wrong with the ``realism`` of a group: keys, what, and what is allowed."""
         what = f"is on, but {self.name} has no figure for it"
         return [(place, what, "a figure, or off") for place in missing_figures(realism, self.model)]
 
     def with_list(self, text: str, file: str) -> tuple[ModelFacts, list[ListProblem]]:
+        """The model with the parameters of a list (the text of a ``file``), and what is wrong in the list."""
         model, problems = read_parameter_list(text, self.model, file)
-        return InstalledModel(model), problems
+        return ModelFacts(model), problems
 
     def _identity_error(self, identity: Mapping[str, Any]) -> str | None:
         try:
@@ -273,7 +200,7 @@ class Known:
 def _find(name: str) -> ModelFacts | None:
     for entry in drives.models().values():
         if name == entry.name or name in entry.aliases:
-            return InstalledModel(drives.model(entry.name))
+            return ModelFacts(drives.model(entry.name))
     return None
 
 

@@ -23,7 +23,6 @@ class Model:
     max_cycle_ns: int = 0
     telegrams: tuple[int, ...] = (1, 7)
     supplements: tuple[int, ...] = ()
-    default_telegram: int = 1
     motion_tasks: int = 0
     most_axes: int = 1
     described: None = None
