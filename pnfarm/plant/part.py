@@ -123,11 +123,6 @@ class PortSignals:
     def forced(self) -> Mapping[str, Value]:
         return self._forced
 
-    @property
-    def shaped(self) -> tuple[str, ...]:
-        """None: faults act on the signals of stations."""
-        return ()
-
     def state(self) -> dict[str, Any]:
         """What is written and forced, as plain JSON; the values themselves are the plant's."""
         return {"written": dict(self._written), "forced": dict(self._forced)}

@@ -47,10 +47,6 @@ class NamedSignals(Protocol):
     def forced(self) -> Mapping[str, Value]:
         """Forced inputs, and their values."""
 
-    @property
-    def shaped(self) -> Sequence[str]:
-        """The inputs that have a shape, once for each."""
-
 
 class PlainSignals(NamedSignals, Protocol):
     """Those of a station: values of its data, of which the controller gets the inputs."""
@@ -66,6 +62,10 @@ class PlainSignals(NamedSignals, Protocol):
 
     def take_state(self, state: Mapping[str, Any], *, check: bool = False) -> None:
         """What :meth:`state` gave; ``check``: only look whether it fits."""
+
+    @property
+    def shaped(self) -> Sequence[str]:
+        """The inputs that have a shape, once for each."""
 
     def put_shape(self, signal: Any, shape: Callable[[Value], Value]) -> None:
         """From now on the controller gets what this makes of an input."""
