@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 from pnfarm.links.base import ETHERNET, PortSpec
 
 if TYPE_CHECKING:
-    from collections import Counter
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
     from ipaddress import IPv4Address
     from pathlib import Path
@@ -37,13 +36,14 @@ if TYPE_CHECKING:
     from pnfarm.faults.gate.gate import GatedLink
     from pnfarm.faults.gate.socket_gate import SocketGate
     from pnfarm.faults.kind import InjectionKind, KindOnBus
+    from pnfarm.links.serial.link import Splitter
     from pnfarm.station.absent import Absent
     from pnfarm.station.device import Device
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 
 __all__ = [
-    "Bus", "DeviceServices", "InjectionHost", "LineBus", "LineSegment", "LineSplitter", "RouteHost", "Segment",
+    "Bus", "DeviceServices", "InjectionHost", "LineBus", "LineSegment", "RouteHost", "Segment",
     "line_of", "port_spec",
 ]  # fmt: skip
 
@@ -248,27 +248,6 @@ class Bus(ABC):
         return drives
 
 
-class LineSplitter(Protocol):
-    """From the octets of a serial line to what its stations receive: whole telegrams."""
-
-    @property
-    def dropped(self) -> Counter[str]:
-        """What was none, by reason."""
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether nothing incomplete waits for its rest."""
-
-    def split(self, octets: bytes, now: int) -> list[bytes]:
-        """The telegrams that are whole now."""
-
-    def next_deadline(self) -> int | None:
-        """When an incomplete telegram is given up."""
-
-    def handle_timeout(self, now: int) -> list[bytes]:
-        """Give it up; telegrams that it hid."""
-
-
 @runtime_checkable
 class LineBus(Protocol):
     """What a bus says besides if its stations share one serial line; one without this has a network.
@@ -290,7 +269,7 @@ class LineBus(Protocol):
     def longest_reply_ns(self, baud: int) -> int:
         """How late an answer may begin after the last bit of its request."""
 
-    def splitter(self, baud: int) -> LineSplitter:
+    def splitter(self, baud: int) -> Splitter:
         """For one end of a line of this rate, bit/s."""
 
 

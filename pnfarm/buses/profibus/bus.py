@@ -11,15 +11,16 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from pnfarm.buses.bus import DeviceServices, LineSplitter
+    from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.described import DescribedIdentity
     from pnfarm.buses.devices import DeviceRows
     from pnfarm.buses.line_parameters import LineQuestion
+    from pnfarm.buses.profibus.config.device import ProfibusDeviceConfig
     from pnfarm.buses.profibus.controller.line_question import LineParameter
-    from pnfarm.buses.profibus.described.kind import DescribedSettings
     from pnfarm.buses.profibus.device.device import ProfibusDevice
     from pnfarm.drives.description.model import Model
     from pnfarm.links.base import Link, Port
+    from pnfarm.links.serial.link import Splitter
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 
@@ -64,7 +65,7 @@ class Profibus(ImportingBus, ProjectBus, CheckingBus):
 
         return bits_ns(longest_tsdr_bits(baud), baud)
 
-    def splitter(self, baud: int) -> LineSplitter:
+    def splitter(self, baud: int) -> Splitter:
         from pnfarm.buses.profibus.device.line import TelegramSplitter
 
         return TelegramSplitter(baud)
@@ -87,7 +88,7 @@ class Profibus(ImportingBus, ProjectBus, CheckingBus):
         from pnfarm.buses.profibus.described.summary import station_description
         from pnfarm.buses.profibus.device.device import ProfibusDevice
 
-        settings = cast("DescribedSettings", station.config)
+        settings = cast("ProfibusDeviceConfig", station.config)
         kind = DescribedKind(station, settings, services.channels.columns, services.plain_row)
         station.signals = kind.signals
         station.description = station_description(kind.described)

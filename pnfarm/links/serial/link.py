@@ -47,19 +47,24 @@ _SHORT_WAIT_NS = 200_000
 
 
 class Splitter(Protocol):
-    """See :class:`pnfarm.buses.bus.LineSplitter`."""
+    """From the octets of a serial line to what its stations receive: whole telegrams."""
 
     @property
-    def dropped(self) -> Counter[str]: ...
+    def dropped(self) -> Counter[str]:
+        """What was none, by reason."""
 
     @property
-    def is_whole(self) -> bool: ...
+    def is_whole(self) -> bool:
+        """Whether nothing incomplete waits for its rest."""
 
-    def split(self, octets: bytes, now: int) -> list[bytes]: ...
+    def split(self, octets: bytes, now: int) -> list[bytes]:
+        """The telegrams that are whole now."""
 
-    def next_deadline(self) -> int | None: ...
+    def next_deadline(self) -> int | None:
+        """When an incomplete telegram is given up."""
 
-    def handle_timeout(self, now: int) -> list[bytes]: ...
+    def handle_timeout(self, now: int) -> list[bytes]:
+        """Give it up; telegrams that it hid."""
 
 
 class SerialLink:

@@ -17,7 +17,7 @@ LEAST_PAUSE_NS: Final = 5_000_000
 
 
 class TelegramSplitter:
-    """See :class:`pnfarm.buses.bus.LineSplitter`."""
+    """See :class:`pnfarm.links.serial.link.Splitter`."""
 
     def __init__(self, baud: int) -> None:
         self._splitter = Splitter(max(LEAST_PAUSE_NS, line_ns(2, baud) + bits_ns(33, baud)))
