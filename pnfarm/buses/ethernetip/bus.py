@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.devices import DeviceRows
     from pnfarm.buses.ethernetip.config.device import EthernetIpDeviceConfig
-    from pnfarm.buses.ethernetip.described.kind import DescribedSettings
     from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
     from pnfarm.drives.description.model import Model
     from pnfarm.station.station import Station
@@ -60,7 +59,9 @@ class EthernetIp(ImportingBus, ProjectBus, SearchBus, CheckingBus):
         from pnfarm.buses.ethernetip.described.summary import station_description
         from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
 
-        kind = DescribedKind(cast("DescribedSettings", station.config), services.channels.columns, services.plain_row)
+        kind = DescribedKind(
+            cast("EthernetIpDeviceConfig", station.config), services.channels.columns, services.plain_row
+        )
         station.signals = kind.signals
         station.description = station_description(kind.described)
         return EthernetIpDevice(station, services, kind)

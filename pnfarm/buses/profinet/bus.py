@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from pnfarm.buses.described import DescribedIdentity
     from pnfarm.buses.devices import DeviceRows
     from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
-    from pnfarm.buses.profinet.described.kind import DescribedSettings
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.drives.description.model import Model
     from pnfarm.station.station import Station
@@ -73,7 +72,7 @@ class Profinet(ImportingBus, ProjectBus, SearchBus, CheckingBus):
         from pnfarm.buses.profinet.device.device import ProfinetDevice
 
         kind = DescribedKind(
-            station, cast("DescribedSettings", station.config), services.channels.columns, services.plain_row
+            station, cast("ProfinetDeviceConfig", station.config), services.channels.columns, services.plain_row
         )
         station.signals = kind.signals
         station.description = kind.described.description

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from pnfarm.buses.ethernetip.described.file_signals import SUBSLOT
 from pnfarm.buses.ethernetip.described.parameters import ParameterObject, ParameterValues, objects_at_paths
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from ipaddress import IPv4Address
 
+    from pnfarm.buses.ethernetip.config.device import EthernetIpDeviceConfig
     from pnfarm.buses.ethernetip.described.station import DescribedStation
     from pnfarm.buses.plain_layout import PlainLayout
     from pnfarm.engine.columns import Columns
@@ -35,22 +36,13 @@ if TYPE_CHECKING:
     from pnfarm.protocols.enip.objects.identity import IdentityData
     from pnfarm.protocols.enip.wire.epath import ElectronicKey
 
-__all__ = ["DescribedKind", "DescribedSettings", "io_connections", "offer_of"]
+__all__ = ["DescribedKind", "io_connections", "offer_of"]
 
 #: Where the file's section Capacity has no number.
 _USUAL_IO, _USUAL_EXPLICIT = 8, 16
 _MOST_IO, _MOST_EXPLICIT = 32, 64
 #: Shortest packet interval of a file that names none.
 _SHORTEST_RPI_US = 1000
-
-
-class DescribedSettings(Protocol):
-    """The device in the farm file; ``strict``: it keeps to its file."""
-
-    @property
-    def strict(self) -> bool: ...
-    @property
-    def described(self) -> DescribedStation: ...
 
 
 def io_connections(described: DescribedStation) -> int:
@@ -69,7 +61,7 @@ class DescribedKind:
         {"key": ("eds",), "path": ("eds",), "sizes": ("sizes",), "interval": ("limits",)}
     )
 
-    def __init__(self, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
+    def __init__(self, settings: EthernetIpDeviceConfig, columns: Columns, plain_row: int) -> None:
         self.described = settings.described
         self.plain_row = plain_row
         self._strict = settings.strict

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, cast
 
 from pnfarm.buses.ethernetip.device.kind import Carried
 from pnfarm.buses.ethernetip.device.objects.front_tasks import FrontTasks
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Address
 
+    from pnfarm.config.drive import DriveConfig
     from pnfarm.protocols.enip.connection import Connection, ConnectionSettings, IoOffer
     from pnfarm.protocols.enip.connection_check import Refusal
     from pnfarm.protocols.enip.object import CipObject
@@ -33,13 +34,6 @@ __all__ = ["DriveKind"]
 
 #: A 32-bit word of an assembly, and its halves.
 _WORD, _HALF = 4, 2
-
-
-class DriveSettings(Protocol):
-    """The drive in the farm file; ``strict``: it keeps to its model's limits."""
-
-    @property
-    def strict(self) -> bool: ...
 
 
 def _words(octets: int) -> list[tuple[int, int]]:
@@ -89,7 +83,7 @@ class DriveKind:
         )
 
     def settings(self, key: ElectronicKey, multicast: IPv4Address) -> ConnectionSettings:
-        strict = cast("DriveSettings", self._station.config).strict
+        strict = cast("DriveConfig", self._station.config).strict
         return connection_settings(self.product, key, multicast, strict=strict)
 
     def configure(self, offer: IoOffer, data: bytes) -> Refusal | None:

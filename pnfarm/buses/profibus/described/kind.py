@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profibus.described.user import DescribedUser
 from pnfarm.buses.profibus.device.kept_values import DEVICE, check_kept
@@ -16,28 +16,17 @@ from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.buses.profibus.described.station import DescribedSlave
+    from pnfarm.buses.profibus.config.device import ProfibusDeviceConfig
     from pnfarm.buses.profibus.device.image import CyclicImage
     from pnfarm.buses.profibus.device.lamps import LampState
     from pnfarm.engine.columns import Columns
     from pnfarm.protocols.profibus.wire.dp import Parameters
     from pnfarm.station.station import Station
 
-__all__ = ["DescribedKind", "DescribedSettings"]
+__all__ = ["DescribedKind"]
 
 #: Where an address comes from.
 FARM_FILE, MASTER, NOWHERE = "farm file", "master", "nowhere"
-
-
-class DescribedSettings(Protocol):
-    """The device in the farm file; ``strict``: it keeps to its file.  ``address``: None until a master sets one."""
-
-    @property
-    def strict(self) -> bool: ...
-    @property
-    def address(self) -> int | None: ...
-    @property
-    def described(self) -> DescribedSlave: ...
 
 
 class DescribedKind:
@@ -53,7 +42,7 @@ class DescribedKind:
     # as many as its modules have
     parameters_key: tuple[str, ...] = ("slots",)
 
-    def __init__(self, station: Station, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
+    def __init__(self, station: Station, settings: ProfibusDeviceConfig, columns: Columns, plain_row: int) -> None:
         self._station = station
         self._settings = settings
         described = self.described = settings.described

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.described.description import with_serial_number
 from pnfarm.buses.profinet.described.records import DescribedRecords
@@ -14,7 +14,7 @@ from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.buses.profinet.described.station import DescribedStation
+    from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
     from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
     from pnfarm.engine.columns import Columns
@@ -25,16 +25,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
     from pnfarm.station.station import Station
 
-__all__ = ["DescribedKind", "DescribedSettings"]
-
-
-class DescribedSettings(Protocol):
-    """The device in the farm file; ``strict``: it keeps to its file."""
-
-    @property
-    def strict(self) -> bool: ...
-    @property
-    def described(self) -> DescribedStation: ...
+__all__ = ["DescribedKind"]
 
 
 class DescribedKind:
@@ -46,7 +37,7 @@ class DescribedKind:
 
     telegrams: Mapping[int, tuple[int, Mapping[int, int]]] = {}
 
-    def __init__(self, station: Station, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
+    def __init__(self, station: Station, settings: ProfinetDeviceConfig, columns: Columns, plain_row: int) -> None:
         self._station = station
         self._strict = settings.strict
         self.described = settings.described

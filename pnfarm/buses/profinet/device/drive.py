@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from pnfarm.buses.profinet.axis_slots import model_slots
 from pnfarm.buses.profinet.binding import DriveRecords, axis_places, describe_device
@@ -18,12 +18,11 @@ from pnfarm.station.step_time import SLOWEST_STEP_NS, longest_step_ns
 from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_RAISE_FAULT, CONTROL_BY_PLC, OBJECT_CONTROL_UNIT
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-    from pnfarm.buses.profinet.binding import AxisSettings
+    from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
     from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
-    from pnfarm.buses.profinet.maker_file import MakerFile
     from pnfarm.drives.telegrams.telegram import Telegram
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
@@ -35,23 +34,6 @@ if TYPE_CHECKING:
     from pnfarm.station.station import Station
 
 __all__ = ["DriveKind"]
-
-
-class DriveSettings(Protocol):
-    """The drive in the farm file.
-
-    ``strict``: it keeps to its model's limits; ``ignores_clock``: a controller may ask for isochronous operation;
-    ``maker``: its maker's file, None without one.
-    """
-
-    @property
-    def strict(self) -> bool: ...
-    @property
-    def ignores_clock(self) -> bool: ...
-    @property
-    def maker(self) -> MakerFile | None: ...
-    @property
-    def axes(self) -> Sequence[AxisSettings]: ...
 
 
 class _AxisPart:
@@ -81,8 +63,8 @@ class DriveKind:
         self._cm: CmDevice
 
     @property
-    def _settings(self) -> DriveSettings:
-        return cast("DriveSettings", self._station.config)
+    def _settings(self) -> ProfinetDriveConfig:
+        return cast("ProfinetDriveConfig", self._station.config)
 
     @property
     def _first(self) -> Axis:
