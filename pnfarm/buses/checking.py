@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from pnfarm.buses.bus import Bus
+from pnfarm.buses.line_parameters import LineWork
 from pnfarm.vocabulary.quoting import printable
 
 if TYPE_CHECKING:
@@ -91,19 +92,8 @@ class CheckAnswer:
     remarks: Sequence[str] = ()
 
 
-class CheckedLine(Protocol):
-    """A search on a serial line; the link hands it what comes."""
-
-    @property
-    def done(self) -> bool: ...
-
-    def start(self, now: int) -> None: ...
-
-    def service(self, now: int) -> None:
-        """Go on: time has passed."""
-
-    def next_deadline(self) -> int | None:
-        """When :meth:`service` is due."""
+class CheckedLine(LineWork, Protocol):
+    """A search on a serial line."""
 
     def answer(self) -> CheckAnswer:
         """What was found, once it is done."""

@@ -10,7 +10,7 @@ from pnfarm.buses.bus import LineBus
 if TYPE_CHECKING:
     from pnfarm.links.base import Link, Port
 
-__all__ = ["Asked", "AskedController", "LineAsker", "LineParameterBus", "LineQuestion"]
+__all__ = ["Asked", "AskedController", "LineParameterBus", "LineQuestion", "LineWork"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +50,11 @@ class AskedController(Protocol):
         """Raises :class:`~pnfarm.errors.ConfigError` or ``ParameterError`` for what cannot be asked."""
 
 
-class LineAsker(Asked, Protocol):
-    """One with a line for itself; the link hands it what comes."""
+class LineWork(Protocol):
+    """What has a serial line for itself; the link hands it what comes."""
+
+    @property
+    def done(self) -> bool: ...
 
     def start(self, now: int) -> None: ...
 
@@ -60,6 +63,10 @@ class LineAsker(Asked, Protocol):
 
     def next_deadline(self) -> int | None:
         """When :meth:`service` is due."""
+
+
+class LineAsker(Asked, LineWork, Protocol):
+    """A question with a line for itself."""
 
 
 @runtime_checkable

@@ -7,10 +7,11 @@ import re
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from pnfarm.buses import registry
 from pnfarm.buses.bus import port_spec
+from pnfarm.buses.line_parameters import LineWork
 from pnfarm.config.links import LineWay
 from pnfarm.errors import ConfigError, EnvironmentError_
 
@@ -27,19 +28,6 @@ OPEN_SECONDS: Final = 6.0
 _LOOK_SECONDS: Final = 0.02
 _PLACE: Final = re.compile(r"(?:\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):[0-9]{1,5}")
 RFC2217: Final = "rfc2217://"
-
-
-class LineWork(Protocol):
-    """What is done on a line; the link hands it what comes."""
-
-    @property
-    def done(self) -> bool: ...
-
-    def start(self, now: int) -> None: ...
-
-    def service(self, now: int) -> None: ...
-
-    def next_deadline(self) -> int | None: ...
 
 
 Work = TypeVar("Work", bound=LineWork)
