@@ -6,7 +6,7 @@ The only file of this protocol that depends on drives.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from pnfarm.buses.profinet.axis_slots import axis_shifts
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from pnfarm.buses.profinet.described.records import DescribedRecords
+    from pnfarm.config.drive import AxisConfig
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.drives.telegrams.telegram import Module, Submodule
     from pnfarm.protocols.profinet.cm.ar import Ar
 
 __all__ = [
-    "EVERY_RATIO", "AxisPlace", "AxisSettings", "DriveRecords", "axis_places", "describe_device", "serial_number",
+    "EVERY_RATIO", "AxisPlace", "DriveRecords", "axis_places", "describe_device", "serial_number",
 ]  # fmt: skip
 
 #: A drive with lax limits accepts every defined SendClockFactor and ReductionRatio.
@@ -51,18 +52,7 @@ class AxisPlace(NamedTuple):
     supplementary: int | None = None
 
 
-class AxisSettings(Protocol):
-    """One axis in the farm file; None: the model's telegram, no supplementary one, the slot after the axis before."""
-
-    @property
-    def telegram(self) -> int | None: ...
-    @property
-    def slot(self) -> int | None: ...
-    @property
-    def supplementary(self) -> int | None: ...
-
-
-def axis_places(model: Model, axes: Sequence[AxisSettings]) -> list[AxisPlace]:
+def axis_places(model: Model, axes: Sequence[AxisConfig]) -> list[AxisPlace]:
     """The axes of a drive in the farm file."""
     shifts = axis_shifts(model, [axis.slot for axis in axes])
     return [AxisPlace(shift, axis.telegram, axis.supplementary) for shift, axis in zip(shifts, axes, strict=True)]

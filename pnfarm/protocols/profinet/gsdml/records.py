@@ -12,7 +12,7 @@ import math
 import struct
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.languages import Languages
@@ -21,6 +21,7 @@ from pnfarm.protocols.profinet.gsdml.values import parse_octets
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.protocols.profinet.gsdml.file_texts import FileTexts
     from pnfarm.protocols.profinet.gsdml.safe_xml import Node
     from pnfarm.protocols.profinet.gsdml.versions import Attributes
 
@@ -47,16 +48,6 @@ _PACKED = {
 }
 _OCTET_STRINGS = ("OctetString", "OctetString_S")
 _LISTED = (*_OCTET_STRINGS, "VisibleString", "UnicodeString8")
-
-
-class Texts(Protocol):
-    """The texts of a file."""
-
-    def text(self, node: Node | None) -> str:
-        """The text that an element's TextId names."""
-
-    def assigned(self, node: Node) -> tuple[tuple[str, str], ...]:
-        """Values and what they mean, of an element that names a ValueItem."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +287,7 @@ def _const(attributes: Attributes, node: Node, length: int) -> ParameterConst:
     return ParameterConst(data, offset)
 
 
-def read_ref(attributes: Attributes, node: Node, length: int, texts: Texts) -> ParameterRef:
+def read_ref(attributes: Attributes, node: Node, length: int, texts: FileTexts) -> ParameterRef:
     """A Ref of something that has ``length`` octets."""
     ref = ParameterRef(
         data_type=attributes.word(node, "DataType"),
@@ -316,7 +307,7 @@ def read_ref(attributes: Attributes, node: Node, length: int, texts: Texts) -> P
     return ref
 
 
-def parse_record(attributes: Attributes, node: Node, texts: Texts) -> ParameterRecord:
+def parse_record(attributes: Attributes, node: Node, texts: FileTexts) -> ParameterRecord:
     """A ParameterRecordDataItem."""
     length = attributes.number(node, "Length", MAX_RECORD)
     if length == 0:
