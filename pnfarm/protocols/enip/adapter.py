@@ -58,8 +58,6 @@ class AdapterData:
     objects: Sequence[CipObject] = ()
     encapsulation: EncapsulationSettings = field(default_factory=EncapsulationSettings)
     incarnation: int = 1
-    #: Close the TCP connection of a cyclic connection that timed out, if no other one is open over it.
-    closes_stream_on_timeout: bool = True
 
 
 class Adapter:
@@ -156,8 +154,7 @@ class Adapter:
                     self._end_stream_of(event.connection.stream, now)
 
     def _end_stream_of(self, stream: int, now: int) -> None:
-        others = any(one.stream == stream for one in self.manager.connections.values())
-        if self.data.closes_stream_on_timeout and not others:
+        if not any(one.stream == stream for one in self.manager.connections.values()):
             self.encapsulation.end_stream(stream, now)
 
     # -- what is behind the encapsulation ----------------------------------------------------------------------------

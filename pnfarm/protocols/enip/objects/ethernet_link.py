@@ -31,7 +31,6 @@ class EthernetLinkData:
     up: bool = True
     label: str = "X11"
     counters: Callable[[], Sequence[int]] = field(default=lambda: (), repr=False)
-    media_counters: Callable[[], Sequence[int]] = field(default=lambda: (), repr=False)
 
 
 def ethernet_link_object(data: EthernetLinkData) -> AttributeObject:
@@ -40,7 +39,7 @@ def ethernet_link_object(data: EthernetLinkData) -> AttributeObject:
         2: Attribute(DWORD, lambda: (_LINK_UP if data.up else 0) | _FULL_DUPLEX | _NEGOTIATED),
         3: Attribute(None, lambda: data.mac),
         4: Attribute(None, lambda: _counts(data.counters(), _INTERFACE_COUNTERS)),
-        5: Attribute(None, lambda: _counts(data.media_counters(), _MEDIA_COUNTERS)),
+        5: Attribute(None, lambda: bytes(4 * _MEDIA_COUNTERS)),
         # negotiation on, no forced speed
         6: Attribute(None, lambda: Writer(little=True).u16(1).u16(0).getvalue()),
         7: Attribute(USINT, lambda: 2),  # twisted pair

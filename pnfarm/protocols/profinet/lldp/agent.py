@@ -86,14 +86,13 @@ class LocalPort:
     """An own port.
 
     ``number`` counts from 1; ``name`` is ``port-001``; ``mac`` is the port's own.  A virtual interface has no speed:
-    ``mau_type`` is then 100BASE-TX full duplex and ``mau_assumed`` says so.
+    ``mau_type`` is assumed to be 100BASE-TX full duplex.
     """
 
     number: int
     mac: bytes
     description: str = ""
     mau_type: int = MAU_100BASE_TX_FULL_DUPLEX
-    mau_assumed: bool = True
     autonegotiation: int = _AUTONEGOTIATION
     advertised: int = _ADVERTISED_100
 

@@ -87,13 +87,12 @@ class PortCounters:
 class PortFacts:
     """A port as it is now.
 
-    ``mau_assumed``: a virtual interface has no speed, ``mau_type`` is what the drive's own port would have.
+    A virtual interface has no speed: ``mau_type`` is what the drive's own port would have.
     ``counters`` None: the link counts no octets.
     """
 
     link_up: bool = True
     mau_type: int = MAU_100BASE_TX_FULL_DUPLEX
-    mau_assumed: bool = True
     counters: PortCounters | None = None
 
 
