@@ -192,9 +192,11 @@ DESCRIBED = {
         "End every injected fault on every shard",
         _whole_or_not(HubReset, "Shards did not answer: their faults may be in force."),
     ),
-    "get_states": Described("Every saved state of every shard; one is whole with the part of each", {200: HubStates}),
+    "get_states": Described(
+        "Every saved state of every shard; a state is complete with the part of each", {200: HubStates}
+    ),
     "put_state": Described("Save the state of every shard under this name"),
-    "post_restore": Described("Put every shard into a saved state, once each says that it can"),
+    "post_restore": Described("Put every shard into a saved state, after each has reported that it can"),
     "delete_state": Described("Delete a saved state of every shard"),
     "get_traces": Described("Every trace of every shard and its progress, without samples", {200: HubTraces}),
     "post_trace": Described("Start a trace, of drives and devices of one shard"),

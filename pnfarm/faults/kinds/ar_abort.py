@@ -18,7 +18,7 @@ class ArAbort(BreakingEffect):
 KIND = InjectionKind(
     "ar-abort",
     "connection",
-    "The drive aborts the connection, as its bus does that.",
+    "The drive aborts the connection, in the way of its bus.",
     "one broken connection; without `count` and `for` it happens once",
     ArAbort,
     takes=EACH,

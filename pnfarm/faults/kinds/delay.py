@@ -33,14 +33,14 @@ def _check(values: dict[str, Any]) -> Misfits:
 KIND = InjectionKind(
     "delay",
     "frames",
-    "Frames arrive late, by a fixed time and a random one on top.  They keep their order unless `overtake` says "
+    "Frames arrive late, by a fixed time and a random one.  They keep their order unless `overtake` says "
     "otherwise; when it ends, those that wait arrive at once.",
     "a frame that is late",
     Delay,
     {
         "frames": FRAMES_PARAM,
         "delay": ParamSpec("duration", "Fixed delay, up to 10 s.", default="5ms"),
-        "jitter": ParamSpec("duration", "Random delay on top, up to 10 s.", default="0ms"),
+        "jitter": ParamSpec("duration", "Random additional delay, up to 10 s.", default="0ms"),
         "overtake": ParamSpec("yes or no", "Whether a later frame may overtake a delayed one.", default=False),
     },
     directions=EVERY_DIRECTION,

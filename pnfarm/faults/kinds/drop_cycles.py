@@ -22,7 +22,7 @@ class DropCycles(FramesEffect):
 KIND = InjectionKind(
     "drop-cycles",
     "cyclic",
-    "The next cyclic frames are dropped: as many as `count` says, without an end one.",
+    "The next `count` cyclic frames are dropped; without an end, only one.",
     "a cyclic frame that is dropped; `count` holds for both directions together",
     DropCycles,
     directions=("out", "in", "both"),

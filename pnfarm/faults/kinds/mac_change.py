@@ -97,6 +97,6 @@ KIND = InjectionKind(
     wire="The frames end without notice; after the boot, LLDP (chassis), DCP, ARP and cyclic frames come from the "
     "other MAC address, with the same station name and IP address.",
     reports="After the watchdog, IO device failure (S7-1500: OB86; CODESYS: the device is shown as not running "
-    "(assumed)). The controller finds the station by its name and sets the connection up again: nothing stays behind, "
-    "unless a topology check or a switch knows the old address (assumed).",
+    "(assumed)). The controller finds the station by its name and sets the connection up again, "
+    "unless a topology check or a switch has the old address (assumed).",
 )

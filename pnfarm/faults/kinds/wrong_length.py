@@ -40,7 +40,7 @@ KIND = InjectionKind(
     {"by": ParamSpec("whole number", "Octets more, or below 0 fewer; not 0.", default=1, low=-1400, high=1400)},
     directions=("out",),
     takes=FRAMES,
-    wire="IO data longer by `by` octets of zero, or cut by them; cycle counter and status follow it.",
+    wire="IO data longer by `by` octets of zero, or shorter by them; cycle counter and status follow it.",
     reports="The frames are discarded: IO device failure when the watchdog expires (S7-1500, CODESYS assumed).",
     misfits=_check,
     place=90,

@@ -89,7 +89,7 @@ _FRAMES: Final = {
         f"Nothing below the timeout; beyond it: {_LOST}",
     ),
     "wrong-length": _on(
-        "A data item longer by `by` octets of zero, or cut by them; its length, and those of UDP and IPv4, are right.",
+        "A data item longer by `by` zero octets, or shorter by them; its length and those of UDP and IPv4 are right.",
         f"The packets are dropped: {_LOST}",
     ),
 }
