@@ -50,6 +50,14 @@ class AxisHandle:
         commands.settings.head = (head + 1) & 0xFFFFFFFF
 
     @property
+    def is_to_boot(self) -> bool:
+        """Whether the firmware has not taken the command that boots the drive: what it shows is from before."""
+        commands = self.axis.commands
+        tail = int(commands.tail)
+        waiting = (int(commands.settings.head) - tail) & 0xFFFFFFFF
+        return any(int(commands.settings.ring[(tail + n) % COMMANDS]) == CMD_POWER_ON for n in range(waiting))
+
+    @property
     def in_operation(self) -> bool:
         """Whether the power stage is on: states S4 and S5."""
         return int(self.axis.drive.state) >= 4

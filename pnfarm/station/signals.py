@@ -128,7 +128,7 @@ class DriveSignal:
     is_said: bool = False
 
     def now(self, station: Axis) -> Value:
-        if self.is_said and not station.powered:
+        if self.is_said and (not station.powered or station.handle.is_to_boot):
             return False if self.form == "bit" else 0
         return self.read(station)
 
@@ -142,7 +142,7 @@ def _state(station: Axis) -> str:
     if not station.powered:
         return "off"
     number = int(station.handle.axis.drive.state)
-    return f"S{number}" if number else "boot"
+    return f"S{number}" if number and not station.handle.is_to_boot else "boot"
 
 
 def _fault(station: Axis) -> int:

@@ -65,6 +65,18 @@ def test_a_state_that_lasts_less_than_a_look_is_seen() -> None:
     assert record["verdict"] == "passed", told(record)
 
 
+def test_a_drive_that_was_just_switched_off_and_on_shows_nothing_of_before() -> None:
+    record = run_steps(
+        UP
+        + "  - power: {cycle: all}\n"
+        + "  - expect: {drive: all, that: state == boot and not in_operation and not zsw1.operation_enabled}\n"
+        + "  - expect: {drive: all, that: zsw1 == 0 and state != S4}\n"
+        + "  - expect: {drive: all, that: state == S4, within: 30s}\n"
+    )
+    assert record["verdict"] == "passed", told(record)
+    assert min(record["cases"][-1]["held_after_seconds"].values()) > 0.1
+
+
 def test_what_a_step_switches_off_during_a_power_cycle_stays_off() -> None:
     record = run_steps(
         "  - fault: {kind: power-cycle, on: axis-01, params: {off: 1s}}\n"
