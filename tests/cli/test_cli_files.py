@@ -63,6 +63,11 @@ def test_validate_reports_every_error_with_its_line(pnfarm, write):
     assert found.out == ""
 
 
+def test_a_models_other_name_in_capitals_is_refused_with_how_it_is_written(pnfarm, write):
+    found = pnfarm("validate", write(FARM.replace("akd-profinet", "AKD")))
+    assert "drives[0].model: 'AKD' is not a model of this version, did you mean akd?; " in found.err
+
+
 def test_validate_knows_the_fault_catalogue(pnfarm, write):
     path = write(FARM + "    impair:\n      - kind: losss\n")
     found = pnfarm("validate", path)

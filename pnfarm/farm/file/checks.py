@@ -209,7 +209,8 @@ def _check_group(at: Location, group: DriveGroup, known: Known, report: Report) 
     bus_of(group).farm_file.check_group(at, group, report)
     model = known.model(group.model)
     if model is None:
-        hint = did_you_mean(group.model, known.models)
+        lower = group.model.lower()
+        hint = did_you_mean(group.model, known.models) or f", did you mean {lower}?" * (known.find(lower) is not None)
         report((*at, "model"), f"{shown(group.model)} is not a model of this version{hint}", ", ".join(known.models))
     else:
         _check_model(at, group, model, report)
