@@ -209,6 +209,8 @@ def test_a_state_of_the_command_line_is_where_the_user_is_and_one_of_the_file_be
     assert load_farm(file).state_directory == file.parent / "memory"
     database = "postgresql://user@db/farm"
     assert overridden(text, {"state": database}).state_database == database
+    with pytest.raises(ConfigError, match="--state: state: is a URL of 'mysql'; allowed: a folder, or a database"):
+        overridden(text, {"state": "mysql://user@db/farm"})
 
 
 @pytest.mark.parametrize(

@@ -142,6 +142,8 @@ WRONG = [
     ("kind: macvlan, parent: eth1", "kind: veth, parent: eth1", 2, "link.parent", "is not a key here", "kind, bridge"),
     ("state: ./state", "sate: ./state", 3, "sate", "did you mean state?", "farm, link, state"),
     ("state: ./state", "state: ''", 3, "state", "is empty", "relative to this file"),
+    ("state: ./state", "state: mysql://farm@db/line", 3, "state", "is a URL of 'mysql'", "postgresql://"),
+    ("state: ./state", "state: POSTGRESQL://db/line", 3, "state", "is a URL of 'POSTGRESQL'", "postgresql://"),
     ("127.0.0.1:8702", "8702", 4, "api.listen", "is 8702, not a word", "HOST:PORT"),
     ("127.0.0.1:8702", "127.0.0.1:70000", 4, "api.listen", "70000 is not a TCP port", "65535"),
     ("127.0.0.1:8702", "300.0.0.1:80", 4, "api.listen", "is not a host", "HOST:PORT"),

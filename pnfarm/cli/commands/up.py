@@ -211,7 +211,6 @@ def capture_settings(
 
 def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, Any]) -> FarmConfig:
     """The file's settings, overridden by environment and flags; an error names the source of the wrong value."""
-    from pnfarm.config.database import is_database
     from pnfarm.vocabulary.regular_file import beside
 
     for name, (key, flag, variable) in _SETTINGS.items():
@@ -232,7 +231,7 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
             # a file of the command line is in the folder where it is given, one of the farm file beside that
             given_here = str(value.absolute()) if isinstance(value, Path) else value
             config = config.with_overrides({"api": {"listen": listen, **_secret(config), name: given_here}}, origin)
-        elif name == "state" and value and not is_database(value):
+        elif name == "state" and value and "://" not in value:
             # as those files
             config = config.with_overrides({key: str(beside(Path.cwd(), value))}, origin)
         else:

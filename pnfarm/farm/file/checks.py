@@ -57,6 +57,7 @@ def check(
     if is_complete:
         _check_sections(sections, report)
         _check_lease(sections, report)
+    _check_state(sections, report)
     numbers = range(len(sections.drives)) if places is None else places
     groups = [
         PlacedGroup(("drives", index), f"drives[{number}]", group)
@@ -106,6 +107,12 @@ def _check_plant(sections: FarmSections, known: Known, folder: Path, report: Rep
     devices = {device.name: device.known_signals for device in expand_device_sections(sections)}
     has_all_stations = has_all_stations and all(group.is_described for group in sections.devices)
     plan_plant(sections.plant, axes, devices, folder, report, runs_files=False, has_all_stations=has_all_stations)
+
+
+def _check_state(sections: FarmSections, report: Report) -> None:
+    if sections.state is not None and "://" in sections.state and not is_database(sections.state):
+        scheme = sections.state.partition("://")[0]
+        report(("state",), f"is a URL of {shown(scheme)}", "a folder, or a database: postgresql://USER@HOST/DATABASE")
 
 
 def _check_lease(sections: FarmSections, report: Report) -> None:
