@@ -86,6 +86,7 @@ def check_impairments(config: FarmConfig) -> None:
     The farm file's own checks only know the kinds; the fault catalogue knows the parameters of each, and the model its
     signals.
     """
+    from pnfarm.config.drive import DriveConfig
     from pnfarm.drives import catalogue
     from pnfarm.farm.file.reading import FarmFileError, FileIssue, expand, expand_devices
 
@@ -105,6 +106,8 @@ def check_impairments(config: FarmConfig) -> None:
         kinds = _kinds(stations[0], model)
         for number, impairment in enumerate(impairments):
             found = list(_misfits(impairment, key[:-1], model, kinds, names, known))
+            if isinstance(stations[0], DriveConfig) and not found:
+                found += _unknown_faults(impairment, stations[0])
             if impairment.name is not None and impairment.name in named:
                 found.append(("as", f"{impairment.name!r} is the name of another fault", "a name of its own"))
             if impairment.name is not None:
@@ -155,6 +158,18 @@ def _misfits(
             bind(impairment.when, model, devices, "" if model is not None else names[0])
         except ConditionError as exc:
             yield "when", f"column {exc.column}: {exc.what}", exc.allowed
+
+
+def _unknown_faults(impairment: Impairment, drive: DriveConfig) -> Iterator[tuple[str, str, str]]:
+    """A fault of its own that no drive of the group has, also none that the file adds."""
+    if impairment.kind not in {"drive-fault", "drive-warning"}:
+        # what makes the model of the file takes the compiler with it
+        return
+    from pnfarm.buses.registry import fault_kinds
+    from pnfarm.farm.farm import model_of
+    from pnfarm.scenario.definition.binding import own_fault_errors
+
+    yield from own_fault_errors(fault_kinds().parse(impairment.as_dict() | {"on": "all"}), model_of(drive))
 
 
 def _known_signals(config: FarmConfig, devices: Sequence[DeviceConfig]) -> KnownDevices:

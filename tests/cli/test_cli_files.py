@@ -75,10 +75,21 @@ def test_validate_knows_the_fault_catalogue(pnfarm, write):
     assert f"{path}:9: drives[0].impair[0].kind: 'losss' is not a kind of fault, did you mean loss?" in found.err
 
 
+def test_validate_knows_the_faults_that_the_farm_file_adds(pnfarm, write):
+    impair = "impair: [{kind: drive-fault, params: {fault: 4711}}]"
+    text = FARM.replace("model: akd-profinet", f"model: profidrive\n    {impair}\n    faults: [OWN]")
+    assert pnfarm("validate", write(text.replace("OWN", "{number: 4711, name: jam}"))).code == 0
+    found = pnfarm("validate", write(text.replace("OWN", "{number: 4712, name: jam}")))
+    assert (found.code, "profidrive has no fault '4711'" in found.err) == (2, True)
+
+
 @pytest.mark.parametrize(
     ("impairment", "told"),
     [
         ("{kind: drive-fault}", "impair[0].params.fault: is missing"),
+        ("{kind: drive-fault, params: {fault: 999}}", "impair[0].params: akd-profinet has no fault '999'; it has 107"),
+        ("{kind: drive-warning, params: {warning: 999}}", "impair[0].params: akd-profinet has no fault '999'"),
+        ("{kind: drive-fault, params: {fault: F702}}", None),
         ("{kind: loss, params: {frames: some}}", "impair[0].params.frames: is 'some'"),
         ("{kind: loss, for: 2s, direction: out, count: 3}", None),
         ("{kind: f702, on: axis-01, after: 500ms}", None),

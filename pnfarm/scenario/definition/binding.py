@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.description.model import Model
     from pnfarm.faults.catalogue import Catalogue
+    from pnfarm.faults.plan import InjectionSpec
     from pnfarm.scenario.definition.file import Scenario
     from pnfarm.scenario.definition.steps import Step
     from pnfarm.signals.conditions import Condition
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from pnfarm.signals.signal import Signal
     from pnfarm.vocabulary.issues import FileIssue
 
-__all__ = ["Binding", "bind_scenario"]
+__all__ = ["Binding", "bind_scenario", "own_fault_errors"]
 
 #: Most errors that are reported.
 MAX_ISSUES = 100
@@ -204,14 +205,19 @@ def _fault_errors(binding: Binding, given: Mapping[str, Any], kinds: Catalogue) 
             known = binding.devices.get(name, {})
             if (wanted := spec.values()["signal"]) not in known:
                 yield "params.signal", *_no_signal(name, wanted, known)
+    for model in models.values():
+        yield from own_fault_errors(spec, model)
+
+
+def own_fault_errors(spec: InjectionSpec, model: Model) -> Iterator[tuple[str, str, str]]:
+    """A drive's own fault or warning that an injection asks for and the model does not have."""
     if spec.kind.name in {"drive-fault", "drive-warning"}:
-        for model in models.values():
-            wanted = next((value for key, value in spec.params.items() if key in {"fault", "warning"}), None)
-            if wanted is not None:
-                try:
-                    model.fault(wanted)
-                except ConfigError as error:
-                    yield "params", str(error), f"a fault of `pnfarm models {model.name}`"
+        wanted = next((value for key, value in spec.params.items() if key in {"fault", "warning"}), None)
+        if wanted is not None:
+            try:
+                model.fault(wanted)
+            except ConfigError as error:
+                yield "params", str(error), f"a fault of `pnfarm models {model.name}`"
 
 
 def _signal_errors(devices: KnownDevices, signals: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, str, str]]:
