@@ -143,12 +143,15 @@ def _misfits(
     """
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.faults.errors import InjectionError
+    from pnfarm.faults.targets import check_bus
     from pnfarm.signals.conditions import bind
     from pnfarm.vocabulary.conditions import ConditionError
     from pnfarm.vocabulary.globs import GLOBS, means
 
     try:
-        fault_kinds().parse(impairment.as_dict() | {"on": "all"})
+        spec = fault_kinds().parse(impairment.as_dict() | {"on": "all"})
+        if model is not None:
+            check_bus(names[0], model.bus, spec)
     except InjectionError as exc:
         yield from exc.issues
     if impairment.on is not None and not any(means(glob, (name,), models) for glob in impairment.on for name in names):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.kind import KindOnBus
     from pnfarm.faults.plan import InjectionSpec
 
-__all__ = ["Named", "Targets", "check_parts", "chosen", "targets_of"]
+__all__ = ["Named", "Targets", "check_bus", "check_parts", "chosen", "targets_of"]
 
 
 class Named(Protocol):
@@ -110,11 +110,7 @@ def targets_of(
 
 def check_parts(drive: InjectedDrive, spec: InjectionSpec) -> None:
     """Raises :class:`InjectionError` for a kind or a parameter that is not for this drive's bus, or lacks a part."""
-    here = spec.kind.on.get(drive.bus)
-    if here is not None and here.refused:
-        raise InjectionError([("kind", f"{drive.name} is on {here.title}: {here.refused}", "")])
-    if drive.bus:
-        _check_params(drive, spec, here)
+    check_bus(drive.name, drive.bus, spec)
     for part in spec.kind.effect.needs:
         if drive.find(part) is None:
             raise InjectionError([("kind", f"{drive.name} has no {part.title}, which {spec.kind.name} needs", "")])
@@ -123,12 +119,21 @@ def check_parts(drive: InjectedDrive, spec: InjectionSpec) -> None:
         raise InjectionError([(field, f"{drive.name} has no {CONNECTION.title} whose cycles could be counted", "")])
 
 
-def _check_params(drive: InjectedDrive, spec: InjectionSpec, here: KindOnBus | None) -> None:
+def check_bus(name: str, bus: str, spec: InjectionSpec) -> None:
+    """Raises :class:`InjectionError` for a kind that the bus of a drive refuses, or a parameter that is not for it."""
+    here = spec.kind.on.get(bus)
+    if here is not None and here.refused:
+        raise InjectionError([("kind", f"{name} is on {here.title}: {here.refused}", "")])
+    if bus:
+        _check_params(name, spec, here)
+
+
+def _check_params(drive: str, spec: InjectionSpec, here: KindOnBus | None) -> None:
     """Raises :class:`InjectionError` for a parameter that only drives on other buses have."""
     for name in spec.params:
         owners = [one.title for one in spec.kind.on.values() if name in one.params]
         if owners and (here is None or name not in here.params):
             others = {other for one in spec.kind.on.values() if one is not here for other in one.params}
             allowed = ", ".join(param for param in spec.kind.params if param not in others)
-            what = f"is for drives on {' and '.join(owners)}, which {drive.name} is not"
+            what = f"is for drives on {' and '.join(owners)}, which {drive} is not"
             raise InjectionError([(f"params.{name}", what, allowed or "no parameter")])

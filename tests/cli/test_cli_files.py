@@ -75,6 +75,27 @@ def test_validate_knows_the_fault_catalogue(pnfarm, write):
     assert f"{path}:9: drives[0].impair[0].kind: 'losss' is not a kind of fault, did you mean loss?" in found.err
 
 
+@pytest.mark.parametrize(
+    ("impairment", "told"),
+    [
+        (
+            "{kind: sign-of-life-freeze}",
+            "impair[0].kind: axis-01 is on EtherNet/IP: its assemblies have no sign of life",
+        ),
+        ("{kind: record-error, params: {code: read-error}}", "params.code: is for drives on PROFINET"),
+        ("{kind: record-error, params: {status: 8}}", None),
+    ],
+)
+def test_validate_knows_what_a_bus_refuses(pnfarm, write, impairment, told):
+    text = FARM.replace("model: akd-profinet", "model: akd-ethernetip")
+    path = write(text + f"    impair:\n      - {impairment}\n")
+    found = pnfarm("validate", path)
+    assert found.code == (0 if told is None else 2)
+    if told is not None:
+        assert found.err.startswith(f"{path}:9: drives[0].impair[0].")
+        assert told in found.err
+
+
 def test_validate_knows_the_faults_that_the_farm_file_adds(pnfarm, write):
     impair = "impair: [{kind: drive-fault, params: {fault: 4711}}]"
     text = FARM.replace("model: akd-profinet", f"model: profidrive\n    {impair}\n    faults: [OWN]")
