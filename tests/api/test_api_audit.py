@@ -16,7 +16,7 @@ import pytest
 from api_world import BASE, ApiWorld, assert_problem
 
 from pnfarm.api.access import audit as audit_module
-from pnfarm.api.access.audit import FIRST, MOST_LINE, AuditLog, kept
+from pnfarm.api.access.audit import FIRST, MOST_LINE, AuditLog, digest_of_line, kept
 from pnfarm.api.access.audit_check import check_audit
 from pnfarm.api.access.token_file import TokenFile, add_token
 from pnfarm.cli.main import main
@@ -360,6 +360,17 @@ def test_a_killed_run_leaves_no_more_than_notes(run, tmp_path):
     assert "it is not a record" in found.notes[0]
 
 
+def test_a_request_that_a_run_did_not_answer_is_noted(run, tmp_path):
+    anyio.run(run.log.request, {"path": "/"})
+    run.kill()
+    again = Run(tmp_path)
+    again.note_one()
+    again.end()
+    found = check_audit(run.file)
+    assert found.wrong == []
+    assert found.notes == [f"{run.file}: line 2: the run ended before it answered this request"]
+
+
 def test_a_log_that_is_only_looked_at_is_not_made(run, tmp_path):
     run.end()
     run.file.unlink()
@@ -451,6 +462,43 @@ def test_a_file_that_was_shortened_and_moved_away_is_found_by_the_one_behind_it(
     assert check_audit(moved, run.file).wrong
 
 
+def test_a_file_whose_last_line_was_changed_after_it_was_moved_away_is_found_by_the_one_behind_it(run, tmp_path):
+    run.note_one()
+    run.end()
+    moved = run.file.rename(tmp_path / "november.jsonl")
+    again = Run(tmp_path)
+    again.end()
+    assert check_audit(moved, run.file).wrong == []
+    lines_changed(moved, lambda lines: lines.append(lines.pop().replace(b'"record":"end"', b'"record":"End"')))
+    assert check_audit(moved).wrong == []
+    assert any("the run that begins here found the file missing" in what for what in check_audit(moved, run.file).wrong)
+
+
+def test_the_check_says_from_when_to_when_the_records_are(whole):
+    found, times = check_audit(whole), [json.loads(line)["time"] for line in whole.read_text().splitlines()]
+    assert (found.first_time, found.last_time) == (times[0], times[-1])
+
+
+def test_a_clock_that_goes_back_is_noted(tmp_path):
+    file, previous, lines = tmp_path / "audit.jsonl", FIRST, []
+    for number, second in enumerate((5, 7, 6), 1):
+        time = f"2026-11-30T12:00:0{second}.000000Z"
+        line = json.dumps({"sequence": number, "time": time, "record": "begin", "previous": previous}).encode()
+        lines.append(line)
+        previous = digest_of_line(line)
+    file.write_bytes(b"\n".join(lines) + b"\n")
+    found = check_audit(file)
+    assert found.wrong == []
+    assert found.notes == [f"{file}: line 3: its time is before that of the line before, 2026-11-30T12:00:07.000000Z"]
+
+
+def test_of_many_findings_the_first_are_listed_and_all_are_counted(tmp_path):
+    file = tmp_path / "audit.jsonl"
+    file.write_bytes(b"x\n" * 30)
+    found = check_audit(file)
+    assert (len(found.wrong), found.more) == (20, 10)
+
+
 def lines_changed(whole, change):
     lines = whole.read_bytes().splitlines(keepends=True)
     change(lines)
@@ -465,6 +513,9 @@ def lines_changed(whole, change):
         lambda lines: lines.insert(2, lines[2]),
         lambda lines: lines.__setitem__(2, lines[2].replace(b"200", b"403")),
         lambda lines: lines.__setitem__(4, b"\n"),
+        lambda lines: lines.__setitem__(4, b"[1]\n"),
+        lambda lines: lines.__setitem__(4, lines[4].replace(b'"sequence":', b'"sequence":"5","then":')),
+        lambda lines: lines.__setitem__(4, lines[4].replace(b'"time":', b'"time":7,"then":')),
         lambda lines: lines.__setitem__(4, lines[4][:-20] + b"\n"),
         lambda lines: lines.__setitem__(4, b"x" * 300_000 + b"\n"),
         lambda lines: lines.__setitem__(slice(2, 4), lines[3:1:-1]),

@@ -390,3 +390,15 @@ def test_the_file_keeps_no_secret_and_what_its_owner_wrote(tmp_path):
         add_token(path, "ci", Role.READ, None)
     with pytest.raises(ConfigError, match="has no token old; it has ci"):
         remove_tokens(path, ["old"])
+
+
+@pytest.mark.parametrize(("before", "kept"), [("", ""), ("# ours", "# ours\n"), ("# ours\n", "# ours\n")])
+def test_a_token_is_a_line_of_its_own_behind_what_the_file_ends_with(tmp_path, before, kept):
+    file = tmp_path / "tokens"
+    file.write_text(before)
+    for name in ("one", "two"):
+        add_token(file, name, Role.READ, None)
+    text = file.read_text()
+    assert text.startswith(kept)
+    assert [line.split()[0] for line in text.removeprefix(kept).split("\n")[:-1]] == ["one", "two"]
+    assert text.endswith("\n")
