@@ -253,7 +253,7 @@ def test_a_drive_with_a_ramp_generator_keeps_it():
 
 @pytest.mark.parametrize(
     ("value", "word"),
-    [(32766.6, 0x7FFF), (32767.4, 0x7FFF), (1e9, 0x7FFF), (-32767.6, 0x8000), (-32768.6, 0x8000), (-1e9, 0x8000)],
+    [(32766.6, 0x7FFF), (32767.6, 0x7FFF), (1e9, 0x7FFF), (-32767.6, 0x8000), (-32768.6, 0x8000), (-1e9, 0x8000)],
 )
 def test_a_signal_of_16_bits_never_changes_its_sign_at_the_end_of_its_range(value, word):
     assert called(clamp16)(value) == word
