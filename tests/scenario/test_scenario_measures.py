@@ -19,6 +19,10 @@ def test_a_quantile_lies_in_its_bucket_by_linear_interpolation(q: float, expecte
     assert quantile(q, BUCKETS) == pytest.approx(expected)
 
 
+def test_a_single_measurement_has_quantiles() -> None:
+    assert quantile(0.5, {0.1: 1.0, inf: 1.0}) == pytest.approx(0.05)
+
+
 def test_a_quantile_of_nothing_is_no_number() -> None:
     assert isnan(quantile(0.5, {}))
     assert isnan(quantile(0.5, dict.fromkeys(BUCKETS, 0.0)))

@@ -41,7 +41,7 @@ KNOWN = {
         ("stw1.enable_operation == false and state == S4", True),
         ("S4 == state", True),
         ("state == 4", True),
-        ("state != 5", True),
+        ("state != 1 and state != 2 and state != 3 and state != 5", True),
         ("state != 'S4'", False),
         ("velocity > 1000", True),
         ("velocity >= 1500 rpm and velocity < 1501", True),
@@ -121,6 +121,7 @@ def test_a_drive_has_no_words_of_another_profile(text: str, of: Model) -> None:
         ("connected and velocty > 3", "column 15: "),
         ("state == S9", "state is never 'S9'"),
         ("state == 4rpm", "state is never '4rpm'"),
+        ("state == 6", "state is never '6'"),
         ("state > S1", "has no order"),
         ("velocity", "no yes or no; allowed: such as `velocity > 0`"),
         ("velocity > 'fast'", "velocity is a number"),
@@ -221,7 +222,9 @@ class Values:
 )
 def test_a_signal_of_a_device_is_compared_as_its_values_are(text: str, values: dict[str, Any], expected: bool) -> None:
     bound = bind(text, None, ISLAND, "1st.cell-2")
-    assert bound.holds(None, {"1st.cell-2": SimpleNamespace(signals=Values(**values))}) is expected
+    devices = {"1st.cell-2": SimpleNamespace(signals=Values(**values))}
+    assert bound.holds(None, devices) is expected
+    assert bind(text_of(parse_condition(text)), None, ISLAND, "1st.cell-2").holds(None, devices) is expected
     assert text_of(parse_condition(text_of(bound.tree))) == text_of(bound.tree)
 
 
