@@ -120,7 +120,7 @@ class Explainer:
         if kind in _BY_TYPE:
             # a secret, which a log would keep, is not repeated
             what = f"is {shown(value)}" if field is None or field.repr else "is not text: put it in quotes"
-            return place, what, _BY_TYPE[kind] + _bounds(field)
+            return place, what, _BY_TYPE[kind] + (self._keys(location) if kind == "model_type" else _bounds(field))
         if kind.startswith(("greater_than", "less_than")):
             return place, f"is {shown(value)}", "a number" + _bounds(field)
         if kind in _LENGTHS:
@@ -128,6 +128,11 @@ class Explainer:
         if kind == "string_pattern_mismatch":
             return place, f"{shown(value)} is not allowed here", f"{_described(field)} ({context['pattern']})"
         return place, f"is {shown(value)}: {error['msg']}", _described(field)
+
+    def _keys(self, location: Location) -> str:
+        """The keys of the mapping that a value should be."""
+        keys = dict.fromkeys(key for model in self._at(location)[0] for key in model.listed_keys())
+        return f" with {', '.join(keys)}" if keys else ""
 
     def _unknown_key(self, location: Location) -> tuple[str, str]:
         models, _ = self._at(location[:-1])
