@@ -12,7 +12,7 @@ from events import Something
 from hub_world import HubWorld
 from structlog.testing import capture_logs
 
-from pnfarm.api.access import followed, token_file
+from pnfarm.api.access import token_file, watched_files
 from pnfarm.api.access.guard import COOKIE, OPEN_PATHS, SAFE_METHODS
 from pnfarm.api.access.rights import role_of
 from pnfarm.api.access.token_file import TokenFile, add_token, read_tokens, remove_tokens
@@ -231,7 +231,7 @@ def test_a_changed_file_that_could_not_be_read_for_a_moment_is_read_again(tmp_pa
         return [holder.name for holder in file.holders]
 
     async def main():
-        monkeypatch.setattr(followed, "AGAIN_SECONDS", 0.0)
+        monkeypatch.setattr(watched_files, "AGAIN_SECONDS", 0.0)
         with monkeypatch.context() as patch:
             patch.setattr(token_file, "read_regular", refuses)
             assert [await holders() for _ in range(3)] == [[], [], []]

@@ -21,7 +21,7 @@ from api_world import ApiWorld
 from events import Something
 
 from pnfarm.api import serve
-from pnfarm.api.access import authority, connections, followed, tls
+from pnfarm.api.access import authority, connections, tls, watched_files
 from pnfarm.api.access.authority import make_certificate
 from pnfarm.api.access.guard import COOKIE
 from pnfarm.api.access.tls import ServerTls
@@ -236,7 +236,7 @@ def test_a_renewed_certificate_that_could_not_be_read_for_a_moment_serves_later(
     found = ServerTls(first.certificate, first.key)
     old, ends = anyio.run(found.context), found.ends
     make_certificate(tmp_path, [], 60)
-    monkeypatch.setattr(followed, "AGAIN_SECONDS", 0.0)
+    monkeypatch.setattr(watched_files, "AGAIN_SECONDS", 0.0)
 
     async def main():
         with monkeypatch.context() as patch:
@@ -262,7 +262,7 @@ def test_a_disk_that_does_not_answer_leaves_the_certificate_as_it_was(tmp_path, 
         return read(path, most)
 
     monkeypatch.setattr(tls, "read_regular", waits)
-    monkeypatch.setattr(followed, "WAIT_SECONDS", 0.1)
+    monkeypatch.setattr(watched_files, "WAIT_SECONDS", 0.1)
 
     async def main():
         assert [await found.context() for _ in range(3)] == [old] * 3
