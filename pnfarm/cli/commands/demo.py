@@ -1,4 +1,4 @@
-"""``pnfarm demo``: a farm, a controller, two faults, two recoveries and a scenario, on any Linux machine without a PLC.
+"""``pnfarm demo``: a farm, a controller, a fault of each family and a scenario, on any Linux machine without a PLC.
 
 It runs in a network of its own: as an ordinary user in a user, network and mount namespace, as root in a network
 namespace.  Where the machine permits neither, it runs in memory, paced by the real clock, and says so.
@@ -13,13 +13,16 @@ import time
 from functools import partial
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.process.address_space import ENGINE, require_address_space
 from pnfarm.terminal.streams import going_on_unread
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
 
 __all__ = ["command"]
 
@@ -55,14 +58,14 @@ GROUP = """
     {place}
     {pace}
     load: {{inertia: 2.0e-4, friction: 0.05}}"""
-#: The model that has a line in place of a network.
-ON_LINE, FIRST_ADDRESS = "moog-msd-dp", 11
-#: Models beside the AKD, each with a cycle that its manual allows; each gets one drive in eight.
+#: The model of the scanner, and the one that has a line in place of a network.
+ON_IP, ON_LINE, FIRST_ADDRESS = "akd-ethernetip", "moog-msd-dp", 11
+#: Models beside the AKD, each with a cycle that its manual allows; each gets one drive in eight, and one of fewer.
 OTHERS = (
     ("akd-profinet-2012", "cycle: 8ms"),
     ("hiwin-e1", "cycle: 4ms"),
     ("moog-msd", "cycle: 4ms"),
-    ("akd-ethernetip", "rpi: 10ms"),
+    (ON_IP, "rpi: 10ms"),
     (ON_LINE, ""),
 )
 PARENT, PEER = "pndemo0", "pndemo1"
@@ -89,7 +92,7 @@ def command(
         ),
     ] = None,
 ) -> None:
-    """Run a demo farm: drives, a controller, two faults and the recovery, and a scenario with its verdict.
+    """Run a demo farm: drives, a controller, a fault of each family and the recovery, and a scenario with its verdict.
 
     Needs no root and no PLC.
     """
@@ -126,34 +129,34 @@ def _text(drives: int, line: Path | None) -> str:
     """The farm file: in a network, with a pty named ``line``; in memory without."""
     from pnfarm.links.kernel.private_line import create_cable
 
-    every = drives // 8
+    groups = _groups(drives)
+    models = {model for model, _, _ in groups}
+    scanner, master = SCANNER if ON_IP in models else "", MASTER if ON_LINE in models else ""
     if line is None:
-        scanner = SCANNER.format(ip=SCANNER_IP, where="mac: auto") if every else ""
-        master = MASTER if every else ""
-        link, where = "{kind: memory}", "mac: auto"
+        link, where, own = "{kind: memory}", "mac: auto", "mac: auto"
     else:
         create_cable(PARENT, PEER)
         own = f"mac: auto, link: {{kind: macvlan, parent: {PEER}}}"
-        scanner = SCANNER.format(ip=SCANNER_IP, where=own) if every else ""
-        master = MASTER if every else ""
-        lines = f", lines: {{profibus: {{pty: '{line}'}}}}" if every else ""
+        lines = f", lines: {{profibus: {{pty: '{line}'}}}}" if master else ""
         link, where = f"{{kind: macvlan, parent: {PARENT}{lines}}}", f"profinet: {{interface: {PEER}}}"
-    return FILE.format(link=link, groups=_groups(drives), where=where, scanner=scanner, master=master)
+    text = "".join(_section(groups))
+    return FILE.format(
+        link=link, groups=text, where=where, scanner=scanner.format(ip=SCANNER_IP, where=own), master=master
+    )
 
 
-def _groups(drives: int) -> str:
-    """AKDs first, since the demo injects its faults there; then drives of every other model."""
-    each = drives // 8
-    groups, first = "", 1
-    for model, pace, count in (
-        ("akd-profinet", "cycle: 16ms", drives - each * len(OTHERS)),
-        *((model, pace, each) for model, pace in OTHERS),
-    ):
-        if count:
-            place = f"address: {FIRST_ADDRESS}" if model == ON_LINE else f"ip: {IPv4Address('10.77.0.10') + first}/16"
-            groups += GROUP.format(first=first, count=count, model=model, place=place, pace=pace)
-            first += count
-    return groups
+def _groups(drives: int) -> list[tuple[str, str, int]]:
+    """Model, pace and number: one drive in eight of each of the others, if there is room for them, and AKDs first."""
+    others = [(model, pace, max(1, drives // 8)) for model, pace in OTHERS[: drives - 1]]
+    return [("akd-profinet", "cycle: 16ms", drives - sum(count for _, _, count in others)), *others]
+
+
+def _section(groups: Sequence[tuple[str, str, int]]) -> Iterator[str]:
+    first = 1
+    for model, pace, count in groups:
+        place = f"address: {FIRST_ADDRESS}" if model == ON_LINE else f"ip: {IPv4Address('10.77.0.10') + first}/16"
+        yield GROUP.format(first=first, count=count, model=model, place=place, pace=pace)
+        first += count
 
 
 def _enter() -> tuple[str, str]:

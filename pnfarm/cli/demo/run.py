@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import io
 import re
 import sys
@@ -17,13 +18,18 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from pnfarm.cli.demo.faults import FAULTS
 from pnfarm.cli.demo.scenario import demo_binding, write_report
+from pnfarm.cli.farm_file import counted
 from pnfarm.controller.line import VirtualLine
 from pnfarm.controller.runtime import Plc
+from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL
+from pnfarm.errors import ConfigError
 from pnfarm.farm.capture import CaptureSettings, prepare
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.views.snapshot import drive_snapshot
+from pnfarm.faults.manager import RunState
 from pnfarm.metrics import FarmCollector
 from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.scenario.realtime import carry_out
@@ -34,12 +40,14 @@ from pnfarm.table.engine_row import LATENESS_EDGES_NS
 from pnfarm.terminal.output import print_next
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
+    from pnfarm.cli.demo.faults import DemoFault
     from pnfarm.controller.group import Controllers
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.virtual import VirtualWorld
-    from pnfarm.faults.manager import InjectionManager
+    from pnfarm.faults.manager import Injection, InjectionManager
     from pnfarm.scenario.definition.steps import Step
     from pnfarm.scenario.report.record import Case
     from pnfarm.station.event_log import LogEntry
@@ -137,7 +145,12 @@ class Demo:
         farm = await stack.enter_async_context(Farm(self._config, log=quiet, capture=capture))
         plc = await stack.enter_async_context(Plc(self._config, log=plc_log))
         self._farm, self._plc, self._injections = farm.core, plc.controllers, farm.injections
-        self._poke = farm.driver.poke
+
+        def poke() -> None:
+            farm.driver.poke()
+            plc.driver.poke()
+
+        self._poke = poke
         for waiting in (farm.wait(), plc.wait()):
             watched = asyncio.ensure_future(waiting)
             self._watched.append(watched)
@@ -159,9 +172,9 @@ class Demo:
         self._log("the controller enabled every axis (S4, operation) and runs a sine of 600 rpm")
         end = self._now() + round(self._seconds * 1e9)
         await self._pass(1.5)
-        ok = await self._break("f702", names[min(2, len(names) - 1)])
-        await self._pass(1.0)
-        ok = await self._break("timeout", names[min(4, len(names) - 1)]) and ok
+        ok = True
+        for fault in FAULTS:
+            ok = await self._break(fault, names) and ok
         while self._now() < end:
             await self._pass(min(0.25, (end - self._now()) / 1e9))
         return ok
@@ -252,48 +265,54 @@ class Demo:
         self._refresh()
         return ""
 
-    async def _break(self, kind: str, name: str) -> bool:
-        """Inject one fault, check its effect, and check that the controller brings the drive back."""
-        station = self._farm.axis(name)
-        before = station.device.connects
-        faults_before = dict(station.fault_counts)
-        self._injected.setdefault(name, []).append(kind)
-        self._recovered[name] = False
-        self._log(f"injecting {kind} on {name}")
+    async def _break(self, fault: DemoFault, names: Sequence[str]) -> bool:
+        """Inject one fault, wait for its end, and check that the drive is back in operation."""
         start = self._now()
-        self._injections.inject({"kind": kind, "on": name}, start)
+        injection = self._inject(fault, names, start)
+        if injection is None:
+            self._log(f"{fault.kind} ({fault.family}): no drive of this farm can have it")
+            return True
+        (name,) = injection.drives
+        station = self._farm.axis(name)
+        before, faults_before = station.device.connects, dict(station.fault_counts)
+        self._injected.setdefault(name, []).append(fault.kind)
+        self._recovered[name] = False
+        self._log(f"injecting {fault.kind} ({fault.family}) on {name} ({station.model.name})")
+        record = self._plc.access_record(name, LOCAL, None, start) if fault.reads else None
         self._poke()
-
-        def has_effect() -> bool:
-            if kind == "timeout":
-                return bool(self._faulted(name, faults_before)) and not station.device.connected
-            return bool(self._faulted(name, faults_before))
-
-        if not await self._until(has_effect):
-            self._log(f"{kind} had no effect on {name}")
+        if not await self._until(lambda: injection.state is RunState.ENDED and (record is None or record.done)):
+            self._log(f"{fault.kind} on {name} did not end")
             return False
-        numbers = ", ".join(f"F{n}" for n in self._faulted(name, faults_before))
-        self._log(f"{name} shows {numbers}" + (", its connection is gone" if kind == "timeout" else ""))
+        acted = injection.evidence().activations
+        if not acted:
+            self._log(f"{fault.kind} had no effect on {name}")
+            return False
 
         def back() -> bool:
-            reconnected = kind != "timeout" or station.device.connects > before
             return (
-                reconnected
+                station.device.connects >= before + fault.disconnects
                 and int(station.handle.axis.drive.state) == 4
                 and int(station.handle.axis.faults.code[0]) == 0
                 and self._plc.exchanging(name)
             )
 
-        if not await self._until(back):
-            self._log(f"{name} did not recover")
+        recovered = await self._until(back)
+        seen = [f"F{n}" for n, count in station.fault_counts.items() if count > faults_before.get(n, 0)]
+        seen += ["its connection ended"] * fault.disconnects + ([record.failure] if record is not None else [])
+        what = ", ".join(seen) or f"acted {counted(acted, 'time')}"
+        if not recovered:
+            self._log(f"{name}: {what}; it did not recover")
             return False
         self._recovered[name] = True
-        self._log(f"{name} is back in operation {(self._now() - start) / 1e9:.2f} s after the fault")
+        self._log(f"{name}: {what}; back in operation {(self._now() - start) / 1e9:.2f} s after the fault")
         return True
 
-    def _faulted(self, name: str, before: dict[int, int]) -> list[int]:
-        counts = self._farm.axis(name).fault_counts
-        return [number for number, count in counts.items() if count > before.get(number, 0)]
+    def _inject(self, fault: DemoFault, names: Sequence[str], now: int) -> Injection | None:
+        """On the first drive that can have it; None: on none."""
+        for name in fault.turn(names):
+            with contextlib.suppress(ConfigError):  # the next one may have what it needs
+                return self._injections.inject({**fault.fields, "on": name}, now)
+        return None
 
     # -- time --------------------------------------------------------------------------------------------------------
 
