@@ -72,7 +72,7 @@ def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]
 
 
 def complete_signal(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
-    """Devices and models of the plant of the running farm; after one of them and a dot its signals."""
+    """Devices, drives and models of the plant of the running farm; after one of them and a dot its signals."""
 
     def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
         known = {one["name"]: str(one["description"] or one["bus"]) for one in farm.get("devices")["devices"]}
@@ -81,6 +81,11 @@ def complete_signal(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]
             if incomplete.startswith(f"{name}."):
                 for signal in farm.get("devices", name, "signals")["signals"]:
                     yield f"{name}.{signal['name']}", f"{signal['direction']}, {signal['type']}"
+        for drive in farm.get("drives")["drives"]:
+            yield drive["name"], drive["model"]
+            if incomplete.startswith(f"{drive['name']}."):
+                for signal in farm.get("drives", drive["name"], "signals")["signals"]:
+                    yield f"{drive['name']}.{signal['name']}", signal["doc"]
 
     return _of_farm(ctx, incomplete, words)
 

@@ -9,7 +9,7 @@ from api_world import ApiWorld, assert_problem
 from events import Something
 
 from pnfarm.api.events import event_stream
-from pnfarm.api.paths.drives import ParameterValue
+from pnfarm.api.paths.drives import DriveSignals, ParameterValue
 from pnfarm.api.schemas.drive import Drive
 from pnfarm.api.schemas.farm import FarmView
 from pnfarm.drives.parameters.parameter import ParameterErrorNumber
@@ -119,6 +119,25 @@ def test_fault_of_a_drive_is_active_first_and_the_last_one_afterwards():
     assert drive["fault"] is None
     assert drive["last_fault"] == lost
     assert drive["fault_counts"] == {"702": 1}
+
+
+def test_signals_of_a_drive_have_the_names_of_conditions_and_their_values(still):
+    axis = still.line.farm.axes[0].handle.axis
+    axis.faults.code[0] = 702
+    try:
+        response = still.get("/api/v1/drives/axis-01/signals")
+    finally:
+        axis.faults.code[0] = 0
+    view = DriveSignals.model_validate_json(response.content)
+    found = {signal.name: (signal.type, signal.value, signal.shown, signal.unit) for signal in view.signals}
+    assert (response.status_code, view.drive) == (200, "axis-01")
+    assert found["fault"] == ("fault", 702, "702", "")
+    assert found["faulted"] == ("bit", True, "true", "")
+    assert found["state"] == ("state", "S1", "S1", "")
+    assert found["bus_voltage"] == ("number", 560.0, "560", "V")
+    assert found["stw1"] == ("word", 0, "0x0000", "")
+    assert found["stw1.on"] == ("bit", False, "false", "")
+    assert_problem(still.get("/api/v1/drives/axis-09/signals"), 404)
 
 
 def test_unknown_drive_is_a_problem_that_says_so(still):

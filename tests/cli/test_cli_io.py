@@ -93,10 +93,12 @@ def test_nothing_is_written_when_one_value_is_refused(pnfarm, world):
     [
         (
             "island-2",
-            "there is no device 'island-2', did you mean island-1?; devices and models of this farm: island-1",
+            "there is no device, drive or model 'island-2', did you mean island-1?; this farm has island-1 axis-01",
         ),
-        ("island-2.part_present=1", "there is no device 'island-2'"),
-        ("island-1=on", "island-1=on: island-1 is a device; give the signal to write, island-1.SIGNAL=VALUE"),
+        ("island-2.part_present=1", "there is no device, drive or model 'island-2'"),
+        ("island-1=on", "island-1=on: give the signal to write, island-1.SIGNAL=VALUE"),
+        ("axis-01.speed", "axis-01 has no signal 'speed'"),
+        ("axis-01.velocity=3", "axis-01 is a drive: its signals can only be read; `pnfarm param set` writes"),
         ("island-1.presure", "island-1 has no signal 'presure', did you mean pressure?"),
         ("island-1.xyz", "island-1 has no signal 'xyz'; it has code part_present pressure speed valve_1"),
         ("island-1.pressure=much", "island-1: pressure: 'much' is not a number"),
@@ -206,7 +208,39 @@ def test_following_ends_with_the_farm(pnfarm, world, monkeypatch):
 def test_a_farm_without_devices_says_so(pnfarm, world, monkeypatch):
     stations = [station for station in world.line.farm.stations if station.axes]
     monkeypatch.setattr(world.line.farm, "stations", stations)
-    assert pnfarm("io").out == "the farm has no devices and no plant\n"
+    rest = "the farm has no devices and no plant; `pnfarm io DRIVE` lists the signals of a drive\n"
+    assert pnfarm("io").out == rest
+
+
+def test_signals_of_a_drive_are_read_by_the_names_of_conditions(pnfarm, world):
+    axis = world.line.farm.axes[0].handle.axis
+    axis.ramp.setpoint = 300.25
+    axis.profidrive.stw1 = 0x047F
+    done = pnfarm("io", "axis-01.setpoint", "axis-01.stw1", "axis-01.stw1.on", "island-1.pressure")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.splitlines() == [
+        "axis-01.setpoint = 300.25 rpm", "axis-01.stw1 = 0x047F", "axis-01.stw1.on = true", "island-1.pressure = 0 bar",
+    ]  # fmt: skip
+    rows = [line.split() for line in pnfarm("io", "axis-01").out.splitlines()]
+    assert ["axis-01", "setpoint", "number", "300.25", "rpm", "drive"] in rows
+    found = json.loads(pnfarm("io", "axis-01.setpoint", "island-1.pressure", "--format", "json").out)
+    (device,), (drive,) = found["devices"], found["drives"]
+    assert (device["device"], drive["drive"], drive["signals"][0]["value"]) == ("island-1", "axis-01", 300.25)
+
+
+def test_signals_of_a_drive_are_followed(pnfarm, world, monkeypatch):
+    axis = world.line.farm.axes[0].handle.axis
+    axis.ramp.setpoint = 1.0
+    speeds = [1.0, 2.5]
+
+    def later(_: float) -> None:
+        if not speeds:
+            raise KeyboardInterrupt
+        axis.ramp.setpoint = speeds.pop(0)
+
+    watched(monkeypatch, world, sleep=later)
+    done = pnfarm("io", "axis-01.setpoint", "--watch")
+    assert done.out.splitlines() == ["axis-01.setpoint = 1 rpm", "axis-01.setpoint = 2.5 rpm"]
 
 
 @pytest.mark.usefixtures("world")
@@ -215,6 +249,7 @@ def test_a_farm_without_devices_says_so(pnfarm, world, monkeypatch):
     [
         ("isl", ["island-1"]),
         ("island-1.p", ["island-1.part_present", "island-1.pressure"]),
+        ("axis-01.zsw1.fau", ["axis-01.zsw1.fault_present"]),
         ("x", []),
     ],
 )

@@ -11,6 +11,7 @@ from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNum
 from pnfarm.drives.profiles.profidrive.fault_buffer import fault_situations
 from pnfarm.farm.views.controller_view import controller_view
 from pnfarm.farm.views.snapshot import drive_snapshot, engine_snapshot, injected_faults, line_snapshot
+from pnfarm.farm.views.stations import drive_signals
 from pnfarm.firmware.causes import NUMBER_MASK
 
 if TYPE_CHECKING:
@@ -57,6 +58,10 @@ class FarmDrives:
 
     def controller(self, name: str) -> dict[str, Any]:
         return controller_view(self._context.core, self._context.axis(name), self._context.now())
+
+    def signals(self, name: str) -> dict[str, Any]:
+        station = self._context.axis(name)
+        return {"drive": station.configured_name, "signals": list(drive_signals(station))}
 
     def power(self, name: str, what: Power, event: Event) -> dict[str, Any]:
         context = self._context

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pnfarm.station.event import Event
     from pnfarm.web.paths import Paths
 
-__all__ = ["DriveHost", "DrivesHost", "ParameterValue", "Power", "add_drive", "add_drives"]
+__all__ = ["DriveHost", "DriveSignals", "DrivesHost", "ParameterValue", "Power", "add_drive", "add_drives"]
 
 #: Parameters in one answer.
 MOST_PARAMETERS = 500
@@ -74,6 +74,22 @@ class ParameterList(Schema):
     parameters: list[ListedParameter]
 
 
+class DriveSignalView(Schema):
+    """A value of a drive under the name that conditions have for it."""
+
+    name: str
+    type: Literal["number", "bit", "state", "fault", "word"]
+    unit: str
+    value: bool | int | float | str
+    shown: str
+    doc: str
+
+
+class DriveSignals(Schema):
+    drive: str
+    signals: list[DriveSignalView]
+
+
 class DrivesHost(Protocol):
     """Who has the drives."""
 
@@ -90,6 +106,8 @@ class DriveHost(Protocol):
     def drive(self, name: str) -> dict[str, Any]: ...
 
     def controller(self, name: str) -> dict[str, Any]: ...
+
+    def signals(self, name: str) -> dict[str, Any]: ...
 
     def power(self, name: str, what: Power, event: Event) -> dict[str, Any]:
         """Log ``event`` and switch; the drive as it is then."""
@@ -127,6 +145,11 @@ def add_drive(path: Paths, drives: DriveHost) -> None:
     async def get_controller(name: str) -> Json:
         """What the drive's controller did, seen from the drive."""
         return Json(drives.controller(name))
+
+    @path("GET drives/{name}/signals", DriveSignals)
+    async def get_drive_signals(name: str) -> Json:
+        """What a drive's signals are now, by the names of conditions."""
+        return Json(drives.signals(name))
 
     @path("POST drives/{name}/power-off", Drive, role=Role.INJECT)
     async def power_off(name: str, request: Request) -> Json:

@@ -7,15 +7,23 @@ from collections import Counter
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.description.parts import fault_label
 from pnfarm.farm.views.snapshot import NO_AR, connection_snapshot
+from pnfarm.station.signals import find_signal, signal_names
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pnfarm.station.axis import Axis
     from pnfarm.station.plain_signals import NamedSignals
     from pnfarm.station.station import Station
     from pnfarm.wire.value_types import Value
 
-__all__ = ["device_row", "device_snapshot", "json_value", "signal_states", "signals_snapshot", "station_snapshot"]
+__all__ = [
+    "device_row", "device_snapshot", "drive_signals", "json_value", "signal_states", "signals_snapshot",
+    "station_snapshot",
+]  # fmt: skip
 
 
 def json_value(value: Value) -> bool | int | float | str:
@@ -79,6 +87,37 @@ def _connection(station: Station, now: int) -> dict[str, Any]:
     found = station.device.connection() if station.powered else None
     state = found.state if found is not None and found.state else NO_AR
     return {"state": state, **connection_snapshot(found, now)}
+
+
+def drive_signals(axis: Axis) -> Iterator[dict[str, Any]]:
+    """The signals of a drive that conditions name, but for its parameters, as they are now."""
+    for name in signal_names(axis.model):
+        signal = find_signal(axis.model, name)
+        assert signal is not None
+        value = json_value(signal.now(axis))
+        yield {
+            "name": name,
+            "type": signal.form,
+            "unit": signal.unit,
+            "value": value,
+            "shown": _shown(signal.form, value),
+            "doc": signal.doc,
+        }
+
+
+def _shown(form: str, value: bool | float | str) -> str:
+    """As a condition has it."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case int() if form == "word":
+            return f"0x{value:04X}"
+        case int() if form == "fault" and value:
+            return fault_label(value)
+        case float():
+            return f"{value:.6g}"
+        case _:
+            return str(value)
 
 
 def signals_snapshot(signals: NamedSignals) -> list[dict[str, Any]]:
