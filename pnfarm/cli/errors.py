@@ -78,6 +78,8 @@ def _code_and_text(error: BaseException) -> tuple[int, str]:
 
 def _usage(error: BaseException) -> str:
     sentence = " ".join(str(error.format_message()).split()).rstrip(".")  # type: ignore[attr-defined]  # every usage error has it
+    # a choice that is none, in words of the framework
+    sentence = sentence.replace(": Value error, ", ": ")
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "pnfarm"
     return f"pnfarm: {sentence[:1].lower()}{sentence[1:]}; see `{command} --help`"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote
 
-from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError, RemoteError
+from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
 from pnfarm.vocabulary.trust import CA_VARIABLE, client_context, why_untrusted
 
 if TYPE_CHECKING:
@@ -238,8 +238,8 @@ class FarmClient:
             )
         raise RefusedError(detail, found.get("errors"))
 
-    def _not_a_farm(self) -> RemoteError:
-        return RemoteError(f"the server at {self.address} is not a farm; give the farm's address{self._where}")
+    def _not_a_farm(self) -> EnvironmentError_:
+        return EnvironmentError_(f"the server at {self.address} is not a farm; give the farm's address{self._where}")
 
     def _unreachable(self, exc: httpx.HTTPError) -> PnfarmError:
         import httpx
@@ -251,13 +251,13 @@ class FarmClient:
                 f"no farm answers at {self.address}: start one with `pnfarm up FILE`, or give its address{self._where}"
             )
         if isinstance(exc, httpx.TimeoutException):
-            return RemoteError(f"the farm at {self.address} gave no answer within {TIMEOUT_SECONDS:g} s")
+            return EnvironmentError_(f"the farm at {self.address} gave no answer within {TIMEOUT_SECONDS:g} s")
         if isinstance(exc, httpx.UnsupportedProtocol):
             return ConfigError(f"{self.address!r} is not the address of a farm; give a URL{self._where}")
         hint = (
             "" if str(self._client.base_url).startswith("https:") else "; if it speaks TLS, give its https:// address"
         )
-        return RemoteError(f"the connection to the farm at {self.address} failed: {str(exc).rstrip('.')}{hint}")
+        return EnvironmentError_(f"the connection to the farm at {self.address} failed: {str(exc).rstrip('.')}{hint}")
 
 
 def _joined(path: tuple[str, ...]) -> str:

@@ -41,7 +41,7 @@ def write_description(
         typer.echo(octets, nl=False)
         return
     name = name_of(described)
-    if directory.suffix.lower() == suffix and not directory.is_dir():
+    if (directory.suffix.lower() == suffix or directory.exists()) and not directory.is_dir():
         raise ConfigError(f"{directory} is not a folder; give the folder, the file is called {name}")
     path = directory / name
     try:

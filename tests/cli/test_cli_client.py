@@ -416,9 +416,9 @@ def test_the_farms_sentence_is_the_commands_sentence(ask, farm):
         (503, {"detail": "the engine stands"}, 4, "the engine stands"),
         (500, {"detail": "internal error: KeyError"}, 5, "internal error: KeyError"),
         (401, {"detail": "token?"}, 2, "PNFARM_TOKEN"),
-        (404, "<html>nothing</html>", 1, "is not a farm"),
-        (500, {"error": "x"}, 1, "is not a farm"),
-        (200, "<html>hello</html>", 1, "is not a farm"),
+        (404, "<html>nothing</html>", 4, "is not a farm"),
+        (500, {"error": "x"}, 4, "is not a farm"),
+        (200, "<html>hello</html>", 4, "is not a farm"),
     ],
 )
 def test_an_error_of_the_api_has_its_exit_code(ask, farm, status, body, code, told):

@@ -60,6 +60,7 @@ def test_the_package_runs_as_the_program():
     ("line", "told"),
     [
         (("bogus",), "no such command 'bogus'"),
+        (("models", "--format", "xml"), "invalid value for '--format': 'xml' is not one of 'table', 'json'; see"),
         (("up", "--bogus", "x"), "no such option: --bogus"),
         (("validate",), "missing argument"),
         (("schema",), "missing argument 'farm|scenario|verify'. Choose from: farm, scenario, verify; see"),

@@ -20,7 +20,7 @@ class LostFarm:
 
     address = "http://127.0.0.1:1"
 
-    def __init__(self, *_: object) -> None:
+    def __init__(self, *_: object, **__: object) -> None:
         pass
 
     def __enter__(self):
