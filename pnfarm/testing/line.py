@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from pnfarm.buses.registry import fault_kinds
+from pnfarm.buses.registry import bus, fault_kinds
 from pnfarm.config.known import catalogue
 from pnfarm.controller.line import VirtualLine
 from pnfarm.controller.moment import Moment
@@ -59,8 +59,16 @@ class Line(BlockingFace[Drive]):
         controller: Mapping[str, Any] | None = None,
         **options: Any,
     ) -> None:
-        drives = [{"name": name, "model": model, "ip": f"10.77.{n >> 8}.{n & 255}/16", **options} for n, name in
-                  enumerate(names or ("axis-01",), 11)]  # fmt: skip
+        known = catalogue(frozenset(fault_kinds()))
+        facts = known.model(model)
+        # a drive on a line has the number of its station instead, and its controller its own
+        by_ip = facts is None or "ip" in bus(facts.bus).farm_file.drives.model_fields
+        drives = [
+            {"name": name, "model": model}
+            | ({"ip": f"10.77.{n >> 8}.{n & 255}/16"} if by_ip else {"address": n})
+            | options
+            for n, name in enumerate(names or ("axis-01",), 11)
+        ]
         kind = program if isinstance(program, type) else None
         text: dict[str, Any] = {"farm": "test", "link": {"kind": "memory"}, "drives": drives}
         if program is not None:
@@ -71,11 +79,12 @@ class Line(BlockingFace[Drive]):
                 given = {"python": str(Path(program).absolute())}
             else:
                 given = program
-            text["controller"] = {"ip": "10.77.255.250/16", "program": dict(given), **(controller or {})}
+            place = {"ip": "10.77.255.250/16"} if by_ip else {}
+            text["controller"] = {**place, "program": dict(given), **(controller or {})}
             if cycle is not None:
                 text["controller"]["cycle"] = cycle
         # JSON is YAML
-        self._make(parse_farm(json.dumps(text), known=catalogue(frozenset(fault_kinds()))), kind)
+        self._make(parse_farm(json.dumps(text), known=known), kind)
 
     @classmethod
     def from_file(cls, path: str | Path) -> Self:

@@ -16,7 +16,12 @@ PROGRAMS = Path(__file__).parents[2] / "configs" / "programs"
 
 @pytest.mark.parametrize(
     ("model", "fault", "number"),
-    [("akd-profinet", 702, 702), ("moog-msd", "32-1", "32-1"), ("hiwin-e1", "AL.FB1", None)],
+    [
+        ("akd-profinet", 702, 702),
+        ("moog-msd", "32-1", "32-1"),
+        ("hiwin-e1", "AL.FB1", None),
+        ("moog-msd-dp", "32-1", "32-1"),
+    ],
 )
 def test_a_fault_reads_as_the_manual_writes_it_and_the_drive_comes_back(model, fault, number):
     with Line("axis-01", model=model) as line:
