@@ -384,6 +384,9 @@ def test_param_get_prints_the_value_with_its_name(ask, farm):
 def test_param_get_prints_every_element_of_an_array(ask, farm):
     farm.answer("GET", "drives/axis-01/params/964", PARAMETER | {"values": [261, 1, 117], "unit": "x"})
     assert ask("param", "get", "axis-01", "964").out.endswith("= 261 1 117 x\n")
+    speed = {"value": 480755, "unit": "rpm", "factor": 0.001}
+    farm.answer("GET", "drives/axis-01/params/964", PARAMETER | speed)
+    assert ask("param", "get", "axis-01", "964").out.endswith("= 480755 (480.755 rpm)\n")
 
 
 @pytest.mark.parametrize(("text", "value"), [("2", 2), ("-5", -5), ("0x1F", 31), ("007", 7)])

@@ -165,6 +165,7 @@ def _parameter(station: Axis, wanted: str) -> dict[str, Any]:
         "maximum": parameter.maximum,
         "default": parameter.default,
         "unit": parameter.unit,
+        "factor": parameter.standardisation,
         "writable": station.model.writable(wanted),
         "changed": store.changed(parameter),
     }

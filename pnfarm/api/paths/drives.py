@@ -44,6 +44,7 @@ class ParameterValue(Schema):
     maximum: int
     default: int
     unit: str
+    factor: float = Field(description="Times the raw number is the value in the unit.")
     writable: bool
     changed: bool = Field(description="Whether the value differs from the model's default.")
 

@@ -131,7 +131,10 @@ def _number(text: str) -> int:
 
 def _show(found: dict[str, Any]) -> None:
     values = found.get("values")
-    value = " ".join(map(str, values)) if values and not found["subindex"] else str(found["value"])
-    unit = f" {found['unit']}" if found.get("unit") else ""
+    numbers = values if values and not found["subindex"] else [found["value"]]
+    value = " ".join(map(str, numbers))
+    unit, factor = found.get("unit", ""), found.get("factor", 1)
+    if unit and factor != 1:
+        unit = f"({' '.join(f'{number * factor:.10g}' for number in numbers)} {unit})"
     named = f" {found['name']}" if found["name"] else ""
-    print_line(f"{found['drive']} {found['pnu']}.{found['subindex']}{named} = {value}{unit}")
+    print_line(f"{found['drive']} {found['pnu']}.{found['subindex']}{named} = {value} {unit}".rstrip())
