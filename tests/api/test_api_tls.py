@@ -26,7 +26,7 @@ from pnfarm.api.access.authority import make_certificate
 from pnfarm.api.access.guard import COOKIE
 from pnfarm.api.access.tls import ServerTls
 from pnfarm.api.access.token_file import TokenFile, add_token, remove_tokens
-from pnfarm.errors import ConfigError, RemoteError
+from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.process.open_files import open_files
 from pnfarm.hub import Hub
 from pnfarm.hub.settings import url_of
@@ -113,7 +113,7 @@ def test_a_client_without_the_authority_says_why_it_asks_nothing(world, made, tm
                     await answer(f"https://localhost:{port}", tls_ca=ca)
             with pytest.raises(ConfigError, match="nowhere cannot be used: no such file"):
                 await answer(f"https://localhost:{port}", tls_ca="nowhere")
-            with pytest.raises(RemoteError, match="if it speaks TLS, give its https:// address"):
+            with pytest.raises(EnvironmentError_, match="if it speaks TLS, give its https:// address"):
                 await answer(f"http://localhost:{port}")
 
     anyio.run(main)
