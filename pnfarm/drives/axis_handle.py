@@ -23,11 +23,13 @@ class AxisHandle:
     :data:`pnfarm.table.image.IMAGE`; writing an attribute writes into the table.
     """
 
-    __slots__ = ("axis", "image")
+    __slots__ = ("_boots_before", "axis", "image")
 
     def __init__(self, axis: Any, image: Any) -> None:
         self.axis = axis
         self.image = image
+        #: Where the ring's tail is when the firmware has taken the command that boots the drive; None once it has.
+        self._boots_before: int | None = None
 
     def push_command(self, code: int, argument: int = 0) -> None:
         """Pass ``code`` (``CMD_*``) to the firmware; raises :class:`CommandRingFullError`.
@@ -48,14 +50,18 @@ class AxisHandle:
             )
         commands.settings.ring[head % COMMANDS] = code | argument << 8
         commands.settings.head = (head + 1) & 0xFFFFFFFF
+        if code == CMD_POWER_ON:
+            self._boots_before = (head + 1) & 0xFFFFFFFF
 
     @property
     def is_to_boot(self) -> bool:
         """Whether the firmware has not taken the command that boots the drive: what it shows is from before."""
-        commands = self.axis.commands
-        tail = int(commands.tail)
-        waiting = (int(commands.settings.head) - tail) & 0xFFFFFFFF
-        return any(int(commands.settings.ring[(tail + n) % COMMANDS]) == CMD_POWER_ON for n in range(waiting))
+        # each reading of a condition asks: the table is read only until the answer is no
+        if self._boots_before is None:
+            return False
+        if not 0 < (self._boots_before - int(self.axis.commands.tail)) & 0xFFFFFFFF <= COMMANDS:
+            self._boots_before = None
+        return self._boots_before is not None
 
     @property
     def in_operation(self) -> bool:

@@ -37,7 +37,7 @@ from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Coroutine, Generator, Mapping, Sequence
+    from collections.abc import Callable, Coroutine, Generator, Mapping, Sequence
 
     from pnfarm.hub.hosts.faults import HubFaults
     from pnfarm.hub.hub import Hub
@@ -282,17 +282,12 @@ class HubRun(Flow):
                 f"{injected.id} is cleared, but for drives whose shards do not answer: {found['unreachable']}"
             )
 
-    def _load(self, step: Step) -> Life:
+    def _powered(self) -> Generator[int, None, Callable[[str], bool]]:
         view = yield from self._await(HubDrives(self._hub).listed())
-        powered = {drive["name"]: bool(drive["powered"]) for drive in view["drives"]}
-        names, on = self._to_switch(step, powered.__getitem__)
-        if not names:
-            return
-        begin, over = self._now, step.get("over", 0)
-        for number, name in enumerate(names):
-            yield from self._sleep(max(0, begin + over * number // len(names) - self._now))
-            yield from self._await(self._power([name], on=on))
-        yield from self._sleep(max(0, begin + over - self._now))
+        return {drive["name"]: bool(drive["powered"]) for drive in view["drives"]}.__getitem__
+
+    def _switch(self, name: str, *, on: bool) -> Life:
+        yield from self._await(self._power([name], on=on))
 
     # -- steps that look
 

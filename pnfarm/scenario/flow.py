@@ -101,6 +101,17 @@ class Flow(ABC):
             if number not in reached:
                 self.record.add(Case(number, step, Verdict.NOT_RUN, 0, 0, message=why or "not reached"))
 
+    def _load(self, step: Step) -> Life:
+        names, on = self._to_switch(step, (yield from self._powered()))
+        if not names:
+            return
+        begin, over = self._now, step.get("over", 0)
+        for number, name in enumerate(names):
+            # each at its moment of the whole time, so that one that took longer does not delay all after it
+            yield from self._sleep(max(0, begin + over * number // len(names) - self._now))
+            yield from self._switch(name, on=on)
+        yield from self._sleep(max(0, begin + over - self._now))
+
     def _to_switch(self, step: Step, powered: Callable[[str], bool]) -> tuple[list[str], bool]:
         """The drives that a `load` switches, in turn, and whether on.  Raises :class:`ConfigError`."""
         chosen = self.binding.chosen(step, "on")
@@ -131,7 +142,12 @@ class Flow(ABC):
     def _expect_metric(self, step: Step) -> Life: ...
 
     @abstractmethod
-    def _load(self, step: Step) -> Life: ...
+    def _powered(self) -> Generator[int, None, Callable[[str], bool]]:
+        """Which drives have their supply."""
+
+    @abstractmethod
+    def _switch(self, name: str, *, on: bool) -> Life:
+        """A drive's supply."""
 
     @abstractmethod
     def _read_metric(self, metric: MetricName) -> Generator[int, None, Reading]: ...

@@ -307,15 +307,13 @@ class ScenarioRun(Flow):
         if station.switch(self._now, on=on):
             self._core.settle(station, self._now)
 
-    def _load(self, step: Step) -> Life:
-        names, on = self._to_switch(step, lambda name: self._stations[name].powered)
-        if not names:
-            return
-        begin, over = self._now, step.get("over", 0)
-        for number, name in enumerate(names):
-            yield from self._sleep(max(0, begin + over * number // len(names) - self._now))
-            self._power(name, on=on)
-        yield from self._sleep(max(0, begin + over - self._now))
+    def _powered(self) -> Generator[int, None, Callable[[str], bool]]:
+        yield from ()
+        return lambda name: self._stations[name].powered
+
+    def _switch(self, name: str, *, on: bool) -> Life:
+        yield from ()
+        self._power(name, on=on)
 
     def _wait_until(self, step: Step) -> Life:
         begin = self._now

@@ -6,10 +6,10 @@ import re
 import subprocess
 from argparse import Namespace
 from pathlib import Path
-from shutil import which
 
 import pytest
 from forks import run_fork
+from tools import needed
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -28,8 +28,7 @@ def differential(monkeypatch):
 
 
 def test_no_difference_is_new():
-    if which("tshark") is None:
-        pytest.skip("needs the tool `tshark`")
+    needed("tshark")
     done = against("--against", "scapy", "--against", "tshark", "--count", "600")
     assert done.returncode == 0, done.stdout + done.stderr
     found = re.findall(r"^\d+ differences in (\d+) groups, 0 of them new$", done.stdout, re.MULTILINE)

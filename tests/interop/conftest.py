@@ -2,10 +2,10 @@
 
 import os
 import sys
-from shutil import which
 
 import pytest
 from interop_rig import CannotRunError, Lab, running
+from tools import needed
 
 #: A foreign device that this project neither has nor fetches: where there is none, there is nothing to skip either.
 collect_ignore = [] if os.environ.get("PNFARM_PNET") else ["test_interop_pnet.py", "test_interop_pnet_beside.py"]
@@ -36,9 +36,7 @@ def tell(capsys):
 @pytest.fixture(scope="module")
 def lab():
     """Two joined namespaces for the tests of one module."""
-    for tool in ("ip", "nsenter"):
-        if which(tool) is None:
-            pytest.skip(f"needs the tool `{tool}`")
+    needed("ip", "nsenter")
     try:
         made = Lab()
     except CannotRunError as exc:

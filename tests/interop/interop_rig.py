@@ -246,11 +246,3 @@ def captured_datagrams(name):
         pytest.skip(f"the captures of real controllers are not here: no {path.name} beside the project")
     rows = tshark_fields(path, "ip.src", "ip.dst", "udp.payload", where="udp && dcerpc")
     return [(source, destination, bytes.fromhex(payload)) for source, destination, payload in rows]
-
-
-def needed(tool):
-    """Skips a test where a tool is not installed."""
-    from shutil import which
-
-    if which(tool) is None:
-        pytest.skip(f"needs the tool `{tool}`")

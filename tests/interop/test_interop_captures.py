@@ -8,7 +8,8 @@ import statistics
 from typing import NamedTuple
 
 import pytest
-from interop_rig import Capture, captured_datagrams, needed, running
+from interop_rig import Capture, captured_datagrams, running
+from tools import needed
 
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes, ArBlockReq, ArBlockRes, ArServerBlock

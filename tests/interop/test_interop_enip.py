@@ -9,7 +9,8 @@ from ipaddress import IPv4Address
 from pathlib import Path
 
 import pytest
-from interop_rig import Capture, needed, running, tshark_tree
+from interop_rig import Capture, running, tshark_tree
+from tools import needed
 
 pytest.importorskip("ethernetip", reason="needs the package ethernetip")
 pytest.importorskip("pycomm3", reason="needs the package pycomm3")
@@ -51,8 +52,7 @@ def drives(farm):
 @pytest.fixture(scope="module")
 def seen(lab, farm, drives, tmp_path_factory):
     """What each peer said, and a capture of all of them; every scanner with one drive."""
-    for tool in ("tshark", "dumpcap", "ping"):
-        needed(tool)
+    needed("tshark", "dumpcap", "ping")
     with Capture(lab, tmp_path_factory.mktemp("seen") / "all.pcapng") as capture:
         said = {
             "arp": lab.peer_json("peer_enip_raw.py", "arp", FIRST, COUNT),

@@ -11,7 +11,8 @@ from ipaddress import IPv4Interface
 import pytest
 from bystander import CALL_PORT
 from initiator import Initiator
-from interop_rig import needed, tshark_fields, tshark_tree, tshark_words
+from interop_rig import tshark_fields, tshark_tree, tshark_words
+from tools import needed
 
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.controller.line import VirtualLine

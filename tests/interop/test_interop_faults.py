@@ -11,8 +11,9 @@ import time
 import pytest
 from fault_capture import View, read_capture
 from fault_cases import CASES, CYCLE
-from interop_rig import Capture, needed, running
+from interop_rig import Capture, running
 from kinds_of import kinds_of
+from tools import needed
 
 from pnfarm.buses.registry import bus
 
@@ -59,8 +60,7 @@ def injected(farm) -> dict[str, tuple[float, float]]:
 
 @pytest.fixture(scope="module")
 def views(lab, tmp_path_factory):
-    for tool in ("tshark", "dumpcap", "ping"):
-        needed(tool)
+    needed("tshark", "dumpcap", "ping")
     folder = tmp_path_factory.mktemp("faults")
     # Wireshark confuses the first frame ids with those of outputs, which drives choose from 0x8000 on: no fault's
     drives = [BYSTANDERS, *(drive(number, kind) for number, kind in enumerate(CASES))]

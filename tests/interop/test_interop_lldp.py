@@ -9,7 +9,8 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from interop_rig import Capture, needed, tshark_tree
+from interop_rig import Capture, tshark_tree
+from tools import needed
 from waiting import until
 
 #: PF_EXPERT severities of Wireshark: warning 0x600000.
@@ -93,8 +94,7 @@ def test_siblings_on_one_nic_do_not_hear_each_other(lldpd, farm):
 
 
 def test_wireshark_finds_nothing_wrong_with_our_frames(lab, farm, tmp_path):
-    for tool in ("tshark", "dumpcap"):
-        needed(tool)
+    needed("tshark", "dumpcap")
     macs = {drive["mac"] for drive in farm.ask("drives")}
     with Capture(lab, tmp_path / "lldp.pcapng") as capture:
         time.sleep(2 * INTERVAL + 0.5)

@@ -2,7 +2,7 @@
 
 import re
 
-from interop_rig import needed
+from tools import needed
 
 
 def test_a_drive_answers_ping_small_and_large(lab, farm):

@@ -7,8 +7,9 @@ import json
 import time
 
 import pytest
-from interop_rig import Capture, Worker, needed
+from interop_rig import Capture, Worker
 from pnet_device import GSDML, NAME, PnetDevice, here
+from tools import needed
 from waiting import until
 
 FILE = """
@@ -43,8 +44,7 @@ def device(lab, tmp_path_factory):
 @pytest.fixture(scope="module")
 def capture(lab, tmp_path_factory):
     """From before the first Connect, so that Wireshark knows what the frames hold."""
-    for tool in ("tshark", "dumpcap"):
-        needed(tool)
+    needed("tshark", "dumpcap")
     with Capture(lab, tmp_path_factory.mktemp("capture") / "pnet.pcapng") as running:
         yield running
 

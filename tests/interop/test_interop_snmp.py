@@ -4,7 +4,8 @@ import itertools
 import re
 
 import pytest
-from interop_rig import Capture, needed, running
+from interop_rig import Capture, running
+from tools import needed
 
 DRIVES = ["{name: 'axis-{n:02}', count: 2, model: akd-profinet, ip: 10.77.0.11/22, limits: lax}"]
 DRIVE, OTHER = "10.77.0.11", "10.77.0.12"
@@ -211,8 +212,7 @@ def test_a_wrong_community_is_not_answered_and_counted(manager, farm):
 
 
 def test_wireshark_finds_nothing_malformed(lab, manager, farm, tmp_path):
-    for tool in ("tshark", "dumpcap"):
-        needed(tool)
+    needed("tshark", "dumpcap")
     with Capture(lab, tmp_path / "snmp.pcapng") as capture:
         manager("snmpwalk", [f"{SYSTEM}"], version="1")
         manager("snmpbulkwalk", "-Cr50", [".1"])

@@ -7,7 +7,8 @@ import time
 from collections import Counter
 
 import pytest
-from interop_rig import HERE, Capture, needed, running, tshark_fields, tshark_tree
+from interop_rig import HERE, Capture, running, tshark_fields, tshark_tree
+from tools import needed
 
 from pnfarm.protocols.profinet.wire.records.fsu import FsHello, FsuDataAdjust
 
@@ -73,8 +74,7 @@ def all_run(plc):
 @pytest.fixture(scope="module")
 def seen(lab, tmp_path_factory):
     """A capture of everything that a farm and a controller can do in half a minute."""
-    for tool in ("tshark", "dumpcap", "ping"):
-        needed(tool)
+    needed("tshark", "dumpcap", "ping")
     folder = tmp_path_factory.mktemp("seen")
     with Capture(lab, folder / "all.pcapng") as capture, running(lab, folder, DRIVES) as farm:
         macs = [drive["mac"] for drive in farm.ask("drives")]

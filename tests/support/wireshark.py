@@ -1,14 +1,12 @@
 """What Wireshark reads in a capture, by its program tshark; a test is skipped where that is not installed."""
 
-import shutil
 import subprocess
 
-import pytest
+from tools import needed
 
 
 def tshark(path, *arguments) -> str:
-    if shutil.which("tshark") is None:
-        pytest.skip("needs the tool `tshark`")
+    needed("tshark")
     command = ["tshark", "-n", "-r", str(path), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stderr
