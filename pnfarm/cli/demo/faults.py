@@ -1,4 +1,4 @@
-"""The demo's faults: one of each family."""
+"""The demo's faults: one of each family of kinds for drives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ class DemoFault:
     ``disconnects``: it ends the connection.  ``reads``: the controller reads the drive's parameter record meanwhile.
     """
 
-    family: str
     fields: Mapping[str, Any]
     place: int
     disconnects: bool = False
@@ -35,12 +34,12 @@ class DemoFault:
 
 
 FAULTS = (
-    DemoFault("drive", {"kind": "f702"}, 2),
-    DemoFault("link", {"kind": "timeout"}, 4, disconnects=True),
-    DemoFault("frames", {"kind": "loss", "probability": 0.3, "for": "500ms"}, 0),
-    DemoFault("cyclic", {"kind": "iops-bad", "for": "500ms"}, 3),
-    DemoFault("liveness", {"kind": "sign-of-life-freeze", "for": "500ms"}, 4),
-    DemoFault("connection", {"kind": "ar-abort"}, 5, disconnects=True),
-    DemoFault("records", {"kind": "record-error", "count": 1}, 1, reads=True),
-    DemoFault("alarms", {"kind": "diagnosis", "for": "500ms"}, 0),
+    DemoFault({"kind": "f702"}, 2),
+    DemoFault({"kind": "timeout"}, 4, disconnects=True),
+    DemoFault({"kind": "loss", "probability": 0.3, "for": "500ms"}, 0),
+    DemoFault({"kind": "iops-bad", "for": "500ms"}, 3),
+    DemoFault({"kind": "sign-of-life-freeze", "for": "500ms"}, 4),
+    DemoFault({"kind": "ar-abort"}, 5, disconnects=True),
+    DemoFault({"kind": "record-error", "count": 1}, 1, reads=True),
+    DemoFault({"kind": "diagnosis", "for": "500ms"}, 0),
 )

@@ -267,17 +267,17 @@ class Demo:
 
     async def _break(self, fault: DemoFault, names: Sequence[str]) -> bool:
         """Inject one fault, wait for its end, and check that the drive is back in operation."""
-        start = self._now()
+        start, family = self._now(), self._injections.catalogue[fault.kind].family
         injection = self._inject(fault, names, start)
         if injection is None:
-            self._log(f"{fault.kind} ({fault.family}): no drive of this farm can have it")
+            self._log(f"{fault.kind} ({family}): no drive of this farm can have it")
             return True
         (name,) = injection.drives
         station = self._farm.axis(name)
         before, faults_before = station.device.connects, dict(station.fault_counts)
         self._injected.setdefault(name, []).append(fault.kind)
         self._recovered[name] = False
-        self._log(f"injecting {fault.kind} ({fault.family}) on {name} ({station.model.name})")
+        self._log(f"injecting {fault.kind} ({family}) on {name} ({station.model.name})")
         record = self._plc.access_record(name, LOCAL, None, start) if fault.reads else None
         self._poke()
         if not await self._until(lambda: injection.state is RunState.ENDED and (record is None or record.done)):
