@@ -100,7 +100,7 @@ def make_api(
     hosts.add_device(app)
     add_plant(path("plant"), hosts.plant)
     add_faults(path("faults"), host, hosts.faults)
-    add_scenarios(path("scenarios"), hosts.scenarios, host.now)
+    add_scenarios(path("scenarios"), hosts.scenarios, host)
     add_traces(path("traces"), hosts.traces)
     add_states(path("states"), hosts.states)
     add_farm(path("farm"), hosts.farm)

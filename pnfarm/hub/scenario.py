@@ -3,7 +3,8 @@
 The course of the steps is the farm's own (:class:`pnfarm.scenario.flow.Flow`); what a step does goes to the shards:
 a fault as :class:`~pnfarm.hub.hosts.faults.HubFaults` injects it, each wait and each expectation as a scenario of one
 step on each shard that has drives of it.  So conditions are watched where the drives are, each millisecond, what lasted
-only a moment counts, and a shard that was itself late says so.
+only a moment counts, and a shard that was itself late says so.  One that follows a fault is sent with the fault, and
+begins at the same moment.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import asyncio
 import json
 import math
 from contextlib import suppress
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 from urllib.parse import quote
@@ -37,7 +39,7 @@ from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine, Generator, Mapping, Sequence
+    from collections.abc import Callable, Coroutine, Generator, Iterator, Mapping, Sequence
 
     from pnfarm.hub.hosts.faults import HubFaults
     from pnfarm.hub.hub import Hub
@@ -120,11 +122,22 @@ def _ns(seconds: float | None) -> int | None:
     return None if seconds is None else round(seconds * 1e9)
 
 
+def _followers(steps: Sequence[Step]) -> Iterator[tuple[int, list[Step]]]:
+    """Each fault, by identity, with the steps directly after it that watch conditions."""
+    for step, following in pairwise(steps):
+        if step.kind == "fault":
+            first = [branch[0] for branch in following.branches] if following.kind == "parallel" else [following]
+            yield id(step), [one for one in first if one.watches]
+    for step in steps:
+        for branch in step.branches:
+            yield from _followers(branch)
+
+
 class HubRun(Flow):
     """``wake`` is set when something is to be checked."""
 
-    def __init__(self, binding: Binding, hub: Hub, faults: HubFaults, now: int) -> None:
-        super().__init__(binding, hub.shards.farm, now)
+    def __init__(self, binding: Binding, hub: Hub, faults: HubFaults, begin: int) -> None:
+        super().__init__(binding, hub.shards.farm, begin)
         self.wake = asyncio.Event()
         self._hub = hub
         self._faults = faults
@@ -140,6 +153,9 @@ class HubRun(Flow):
         for name, view in hub.shards.views.items():
             if (station := view.get("station_name")) not in hub.shards.views:
                 self._axes.setdefault(str(station), []).append(name)
+        self._followers = dict(_followers(binding.scenario.steps))
+        #: Steps whose requests are under way before their turn, by identity, with their begin.
+        self._ahead: dict[int, tuple[int, asyncio.Task[list[dict[str, Any]]]]] = {}
         self._told_texts = texts_of(_TOLD)
         self._ending: asyncio.Task[None] | None = None
         self._unsubscribe = hub.log.subscribe(self._note)
@@ -166,9 +182,9 @@ class HubRun(Flow):
 
     # -- requests
 
-    def _await(self, work: Coroutine[Any, Any, _T]) -> Generator[int, None, _T]:
+    def _await(self, work: Coroutine[Any, Any, _T] | asyncio.Task[_T]) -> Generator[int, None, _T]:
         """Let requests run while other branches go on."""
-        task = asyncio.get_running_loop().create_task(work)
+        task = asyncio.ensure_future(work)
         task.add_done_callback(lambda _: self.wake.set())
         try:
             while not task.done():
@@ -206,7 +222,8 @@ class HubRun(Flow):
     def _act(self, step: Step) -> Life:
         match step.kind:
             case "fault":
-                fault, whole = yield from self._await(self._faults.inject(step.values["spec"]))
+                inject = self._faults.inject(step.values["spec"], begins=lambda at_ns: self._send_ahead(step, at_ns))
+                fault, whole = yield from self._await(inject)
                 injected = _Injected(fault)
                 self._own[injected.id] = injected
                 if step.part == "trial":
@@ -309,34 +326,54 @@ class HubRun(Flow):
             found.setdefault(self._hub.shards.known_station(name), []).append(name)
         return found
 
-    def _looked(self, step: Step, kind: str, keys: Mapping[str, Any]) -> Generator[int, None, list[dict[str, Any]]]:
+    def _send_ahead(self, fault: Step, at_ns: int) -> None:
+        """The steps after a fault that begins at this moment see what is over soon, too."""
+        loop = asyncio.get_running_loop()
+        for step in self._followers.get(id(fault), ()):
+            work = loop.create_task(self._look(step, at_ns))
+            # of a fault that is refused nobody asks for it
+            work.add_done_callback(lambda done: done.cancelled() or done.exception())
+            self._ahead[id(step)] = at_ns, work
+
+    def _looked(self, step: Step) -> Generator[int, None, tuple[int, list[dict[str, Any]]]]:
+        """When the step began, and its records."""
+        begin, work = self._ahead.pop(id(step), None) or (self._now, self._look(step))
+        return begin, (yield from self._await(work))
+
+    async def _look(self, step: Step, at_ns: int = 0) -> list[dict[str, Any]]:
         """The records of one step on each shard that has drives of it; of a lost one, a record that says so."""
+        keys: dict[str, Any] = {key: format_duration(step.values[key]) for key in ("within", "for") if step.get(key)}
+        keys |= {key: step.values[key] for key in ("until", "that") if key in step.values}
+        if keys.get("until") == ALL_CONNECTED and not _of_all(step):
+            keys["until"] = "connected"
         named = not (self.binding.condition_of(step)[1] or _of_all(step))
         parts = self._parts(step)
-        length = step.get("within", DEFAULT_WITHIN_NS if kind == "wait" else 0) + step.get("for", 0)
-        texts = {shard: {kind: {**keys, "drive": names} if named else keys} for shard, names in parts.items()}
-        return (yield from self._await(self._all_parts(texts, length, parts)))
+        length = step.get("within", DEFAULT_WITHIN_NS if step.kind == "wait" else 0) + step.get("for", 0)
+        texts = {shard: {step.kind: {**keys, "drive": names} if named else keys} for shard, names in parts.items()}
+        return await self._all_parts(texts, length, parts, at_ns)
 
     async def _all_parts(
-        self, steps: Mapping[Shard, Mapping[str, Any]], length_ns: int, parts: Mapping[Shard, list[str]]
+        self, steps: Mapping[Shard, Mapping[str, Any]], length_ns: int, parts: Mapping[Shard, list[str]], at_ns: int = 0
     ) -> list[dict[str, Any]]:
-        answers = await self._hub.each(steps, lambda shard: self._part(shard, steps[shard], length_ns))
+        answers = await self._hub.each(steps, lambda shard: self._part(shard, steps[shard], length_ns, at_ns))
         found = list(answers.good.values())
         for shard, why in answers.away.items():
             drives = parts.get(shard, [])
             found.append({"verdict": "lost", "cases": [], "lost": str(why), "drives": drives, "late": True})
         return found
 
-    async def _part(self, shard: Shard, step: Mapping[str, Any], length_ns: int) -> dict[str, Any]:
-        """One step on one shard, until it is over.  Raises :class:`AwayError`."""
+    async def _part(self, shard: Shard, step: Mapping[str, Any], length_ns: int, at_ns: int) -> dict[str, Any]:
+        """One step on one shard, from a moment on or at once (0), until it is over.  Raises :class:`AwayError`."""
         hub = self._hub
         # JSON is YAML
         budget = self.binding.scenario.budget_ns
         limit = {} if budget is None else {"budget": format_duration(budget)}
         body = {"text": json.dumps({"scenario": "part", **limit, "steps": [step]}), "part": True}
-        begun = read(shard, await hub.ask(shard, "POST", "scenarios", body=body), "id")
+        query = {"at": repr(shard.clock.to_shard(at_ns))} if at_ns else {}
+        begun = read(shard, await hub.ask(shard, "POST", "scenarios", body=body, query=query), "id")
         path = f"scenarios/{quote(str(begun['id']), safe='')}"
-        start = answered = hub.now()
+        answered = hub.now()
+        start = max(answered, at_ns)
         try:
             while True:
                 try:
@@ -360,21 +397,14 @@ class HubRun(Flow):
             raise
 
     def _wait_until(self, step: Step) -> Life:
-        begin = self._now
-        keys = {"until": step.values["until"], "within": format_duration(step.get("within", DEFAULT_WITHIN_NS))}
-        if step.values["until"] == ALL_CONNECTED and not _of_all(step):
-            keys["until"] = "connected"
-        records = yield from self._looked(step, "wait", keys)
+        begin, records = yield from self._looked(step)
         if all(one["verdict"] == "passed" for one in records):
             return
         message = self._judge(step, begin, records)
         raise EndedError(f"{step.title}: {message}")
 
     def _expect(self, step: Step) -> Life:
-        begin = self._now
-        keys = {"that": step.values["that"]}
-        keys |= {key: format_duration(step.values[key]) for key in ("within", "for") if step.get(key)}
-        records = yield from self._looked(step, "expect", keys)
+        begin, records = yield from self._looked(step)
         self._judge(step, begin, records)
 
     def _judge(self, step: Step, begin: int, records: Sequence[Mapping[str, Any]]) -> str:
@@ -470,6 +500,8 @@ class HubRun(Flow):
     def _finish(self, why: str, *, broken: bool = False) -> None:
         if self._ending is None:
             self._life.close()
+            for _, work in self._ahead.values():
+                work.cancel()
             self._ending = asyncio.get_running_loop().create_task(self._undo(why, broken=broken))
             self._hub.undoing.add(self._ending)
             self._ending.add_done_callback(self._hub.undoing.discard)

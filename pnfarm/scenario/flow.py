@@ -28,6 +28,10 @@ __all__ = ["TRIES", "EndedError", "Flow", "Life", "Tell"]
 TRIES = 3
 
 Life = Generator[int, None, None]
+#: Of a scenario that begins later: a first step that watches conditions looks so long before, to be in time; what is
+#: true then is true at the begin.
+EARLY_NS = 5_000_000
+
 #: Called with each step that begins (case None) and each case that ends.
 Tell = Callable[["Step", "Case | None"], None]
 
@@ -37,14 +41,14 @@ class EndedError(Exception):
 
 
 class Flow(ABC):
-    """See the module's docstring."""
+    """See the module's docstring; ``begin`` is when the first step begins, now or later."""
 
-    def __init__(self, binding: Binding, farm: str, now: int, tell: Tell | None = None) -> None:
+    def __init__(self, binding: Binding, farm: str, begin: int, tell: Tell | None = None) -> None:
         self.binding = binding
-        self.record = Record(binding.scenario, farm, list(binding.drives), now)
+        self.record = Record(binding.scenario, farm, list(binding.drives), begin)
         self.finished = False
         self._tell = tell or _silent
-        self._now = now
+        self._now = begin
         #: Faults of a trial, by step.
         self._by_step: dict[int, str] = {}
         #: What the expectations of a trial showed, by step.
@@ -53,13 +57,13 @@ class Flow(ABC):
         self._numbers = {id(step): number for number, step in enumerate(every)}
         self.steps = len(every)
         #: When the present step is over at the latest.
-        self.due_ns = now
+        self.due_ns = begin
         self._life = self._sequence(binding.scenario.steps)
         self._begun = 0
         #: The step that began last.
         self.step = ""
         #: Begin and end of the `wait` for a time that ended last.
-        self._rest = now, now - 1
+        self._rest = begin, begin - 1
 
     @property
     def steps_begun(self) -> int:
@@ -68,6 +72,11 @@ class Flow(ABC):
 
     def advance(self, now: int) -> int:
         """Do what is due; when to call again at the latest."""
+        if now < (begin := self.record.origin_ns):
+            early = begin - (EARLY_NS if self.binding.scenario.steps[0].watches else 0)
+            if now < early:
+                return early
+            now = begin
         self._now = now
         if self.finished:
             return now

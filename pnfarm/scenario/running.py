@@ -100,8 +100,8 @@ class KeptScenarios(ABC):
         """What the models of all devices are called, by the devices' names."""
 
     @abstractmethod
-    def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
-        """A run, and what carries it out."""
+    def _begin(self, binding: Binding, at_ns: int, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
+        """A run that begins at this moment, and what carries it out."""
 
     def start(
         self,
@@ -110,8 +110,9 @@ class KeptScenarios(ABC):
         *,
         part: bool = False,
         barred: Collection[str] = (),
+        at_ns: int = 0,
     ) -> RunningScenario:
-        """Check a scenario against the drives and begin it.  Raises :class:`ConfigError`.
+        """Check a scenario against the drives and begin it, at this moment or at once.  Raises :class:`ConfigError`.
 
         ``part``: of one that a hub carries out on several farms: it makes no traces, and is not listed.  ``barred``:
         kinds of steps that it must not have (:class:`BarredStepError`).
@@ -126,7 +127,7 @@ class KeptScenarios(ABC):
         at_work = [found.id for found in self._kept.values() if not found.run.finished and found.part is part]
         if len(at_work) >= (MOST_PARTS_AT_WORK if part else MOST_AT_WORK):
             raise ConfigError(f"{len(at_work)} scenarios are at work ({', '.join(at_work)}); end one of them first")
-        run, work = self._begin(binding, part=part)
+        run, work = self._begin(binding, at_ns or self._now(), part=part)
         self._numbers += 1
         task = asyncio.get_running_loop().create_task(work)
         found = RunningScenario(f"{'part' if part else 'scenario'}-{self._numbers}", run, task, part)
@@ -183,10 +184,9 @@ class RunningScenarios(KeptScenarios):
     def _models(self) -> Mapping[str, Sequence[str]]:
         return {name: device.kinds for name, device in self._core.signal_owners.items()}
 
-    def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
-        now = self._now()
-        lateness = FarmLateness(self._core, binding.scenario.budget_ns, now)
-        run = ScenarioRun(binding, self._core, self._collector, now, lateness=lateness, traced=not part)
+    def _begin(self, binding: Binding, at_ns: int, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
+        lateness = FarmLateness(self._core, binding.scenario.budget_ns, self._now())
+        run = ScenarioRun(binding, self._core, self._collector, at_ns, lateness=lateness, traced=not part)
         return run, carry_out(run, self._core, self._poke, self._now)
 
     def cancel(self, wanted: str) -> RunningScenario:

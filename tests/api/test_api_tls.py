@@ -226,7 +226,7 @@ def test_a_renewed_certificate_serves_the_next_connection_and_a_wrong_one_none(w
     anyio.run(main)
 
 
-def test_a_renewed_certificate_that_could_not_be_read_for_a_moment_serves_later(tmp_path, monkeypatch, capsys):
+def test_a_renewed_certificate_that_could_not_be_read_for_a_moment_serves_later(tmp_path, monkeypatch):
     """As where the machine has no file descriptor left."""
 
     def refuses(path, most):
@@ -244,12 +244,13 @@ def test_a_renewed_certificate_that_could_not_be_read_for_a_moment_serves_later(
             assert [await found.context() for _ in range(3)] == [old] * 3
         assert await found.context() is not old
 
-    anyio.run(main)
+    with structlog.testing.capture_logs() as logs:
+        anyio.run(main)
     assert found.ends > ends
-    assert capsys.readouterr().out.count("certificate not renewed") == 1
+    assert [entry["event"] for entry in logs].count("certificate not renewed") == 1
 
 
-def test_a_disk_that_does_not_answer_leaves_the_certificate_as_it_was(tmp_path, monkeypatch, capsys):
+def test_a_disk_that_does_not_answer_leaves_the_certificate_as_it_was(tmp_path, monkeypatch):
     first = make_certificate(tmp_path, [], 30)
     found = ServerTls(first.certificate, first.key)
     old = anyio.run(found.context)
@@ -271,10 +272,11 @@ def test_a_disk_that_does_not_answer_leaves_the_certificate_as_it_was(tmp_path, 
             await anyio.lowlevel.checkpoint()
 
     try:
-        anyio.run(main)
+        with structlog.testing.capture_logs() as logs:
+            anyio.run(main)
     finally:
         answers.set()
-    assert capsys.readouterr().out.count("the disk has not answered for 0.1 s") == 1
+    assert [entry.get("reason") for entry in logs].count("the disk has not answered for 0.1 s") == 1
 
 
 def test_files_that_cannot_serve_are_refused_with_a_sentence(made, tmp_path, monkeypatch):

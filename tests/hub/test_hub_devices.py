@@ -229,6 +229,42 @@ def test_a_scenarios_fault_on_a_device_goes_to_its_shard_and_ends_with_it(cells)
 
 
 @pytest.mark.parametrize(
+    "following",
+    [
+        "  - expect: {drive: all, that: powered, within: 1s}\n",
+        "  - wait: {until: powered, within: 1s}\n",
+        "  - parallel: [[expect: {drive: axis-01, that: powered}], [expect: {drive: pump-01, that: powered}]]\n",
+    ],
+)
+def test_what_follows_a_fault_begins_on_all_shards_at_the_moment_of_the_fault(cells, monkeypatch, following):
+    starts = {}
+    for shard in cells.shards.values():
+
+        async def note(request, shard=shard, inner=shard.inner):
+            path = request.url.path.rpartition("/")[2]
+            if request.method == "POST" and "dry_run" not in request.url.params:
+                starts.setdefault(path, set()).add((shard, request.url.params.get("at")))
+            return await inner.handle_async_request(request)
+
+        monkeypatch.setattr(shard, "inner", SimpleNamespace(handle_async_request=note))
+    found = carried_out(cells, f"scenario: s\nsteps:\n  - fault: {{kind: silence, on: all, for: 1ms}}\n{following}")
+    assert found["verdict"] == "passed", found["cases"]
+    assert len(starts["faults"]) == 2
+    assert None not in {at for _, at in starts["faults"]}
+    assert starts["scenarios"] == starts["faults"]
+
+
+def test_what_would_follow_a_fault_that_is_refused_is_not_asked_for(cells):
+    fault = "{kind: signal-stuck, on: island-1, params: {signal: presure}}"
+    text = f"scenario: s\nsteps:\n  - fault: {fault}\n  - expect: {{that: not island-1.connected, within: 9s}}\n"
+    found = carried_out(cells, text)
+    assert (found["verdict"], len(found["cases"])) == ("error", 2), found["cases"]
+    part = [line.rpartition("/")[2] for line in cells[1].requests if line.startswith("DELETE /api/v1/scenarios/")]
+    client = cells.hub.client(cells.known(1))
+    asyncio.run(client.ask("GET", f"/api/v1/scenarios/{part}", seconds=1)).object()
+
+
+@pytest.mark.parametrize(
     ("fault", "sentence"),
     [
         ("{kind: link-down, on: island-3}", "no drive matches 'island-3', did you mean island-"),

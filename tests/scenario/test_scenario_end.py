@@ -117,6 +117,41 @@ def test_a_fault_of_somebody_else_with_the_name_of_an_ended_one_is_not_cleared()
     asyncio.run(main())
 
 
+@pytest.mark.parametrize(("again_ms", "held"), [(80, False), (102, True)])
+def test_a_run_that_begins_later_sees_what_lasts_two_milliseconds_after_its_begin(again_ms: int, held: bool) -> None:
+    """And not what was over before."""
+
+    async def main() -> dict[str, Any]:
+        scenario = parse_scenario(
+            f"scenario: later\nfarm: {LINE}\nsteps:\n"
+            "  - expect: {drive: axis-01, that: warning == 107, within: 50ms}\n"
+        )
+        binding, config = bound(scenario)
+        line = await VirtualLine.create(config, epoch_ns=0)
+        collector = FarmCollector(line.farm)
+        line.world.run(5.0)
+        now, begin = line.world.now, line.world.now + 100_000_000
+        warning = {"kind": "drive-warning", "on": "axis-01", "params": {"warning": 107}, "for": "2ms"}
+        line.farm.injections.inject({**warning, "after": f"{again_ms}ms"}, now)
+        own = ScenarioRun(binding, line.farm, collector, begin)
+        assert own.advance(now) == begin - 5_000_000
+        assert own.steps_begun == 0
+        for until in (begin - 5_000_000, begin + 60_000_000):
+            line.world.run((until - line.world.now) / 1e9)
+            own.advance(line.world.now)
+        assert own.finished
+        collector.close()
+        await line.close()
+        return own.record.as_dict()
+
+    record = asyncio.run(main())
+    case = record["cases"][0]
+    assert case["verdict"] == ("passed" if held else "failed"), case
+    assert case["began_seconds"] == 0
+    if held:
+        assert case["held_after_seconds"]["axis-01"] == pytest.approx(0.002, abs=0.004)
+
+
 def test_the_end_of_the_farm_is_an_error_with_what_was_found() -> None:
     async def main() -> dict[str, Any]:
         scenario = parse_scenario(

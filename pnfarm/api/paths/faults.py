@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 from urllib.parse import quote
 
-from fastapi import Query, Request
+from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of paths
 from pydantic import Field
 
 from pnfarm.api.changes import FaultCleared, FaultRequested, changes_nothing, who
+from pnfarm.api.paths.at import At, start_ns
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.vocabulary.quoting import shortened
 from pnfarm.web.bodies import PREFIX, Json, Schema, body_of, read_object
-from pnfarm.web.errors import RequestError
 from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ __all__ = ["Fault", "Faults", "FaultsHost", "Outcome", "Reset", "Targets", "add_
 
 #: Names of drives in one entry of the log.
 MOST_NAMES = 16
-#: How far ahead the start of a fault may be set by the clock.
-MOST_AHEAD_SECONDS = 10.0
 
 
 class KindParameter(Schema):
@@ -169,21 +167,6 @@ class FaultsHost(Protocol):
         """End all."""
 
 
-def _moment(at: float | None, host: Host) -> int:
-    """The start in ns of the host's clock, 0 for at once; raises :class:`RequestError` for one that is not ahead."""
-    if at is None:
-        return 0
-    ahead = at - host.now() / 1e9
-    # a NaN is not in the range either
-    if not 0 <= ahead <= MOST_AHEAD_SECONDS:
-        what = f"is {-ahead:.3f} s ago" if ahead < 0 else f"is {ahead:.3f} s ahead"
-        allowed = (
-            f"a moment of the {host.kind}'s clock at most {MOST_AHEAD_SECONDS:g} s ahead; `after` has no such limit"
-        )
-        raise RequestError(f"at: {what}; allowed: {allowed}", [{"field": "at", "what": what, "allowed": allowed}])
-    return round(at * 1e9)
-
-
 def _answer(outcome: Outcome, done: HTTPStatus = HTTPStatus.OK) -> Json:
     found, whole = outcome
     return Json(found, done if whole else HTTPStatus.MULTI_STATUS)
@@ -216,20 +199,14 @@ def add_faults(path: Paths, host: Host, faults: FaultsHost) -> None:
         request: Request,
         *,
         dry_run: bool = False,
-        at: Annotated[
-            float | None,
-            Query(
-                description="Begin at this moment of the farm's clock (`GET clock`), seconds; it lies ahead, by at "
-                f"most {MOST_AHEAD_SECONDS:g} s."
-            ),
-        ] = None,
+        at: At = None,
     ) -> Json:
         """Inject a fault; with dry_run only list the drives that it would hit, and why others cannot."""
         body = await read_object(request)
         if dry_run:
             changes_nothing(request)
             return Json(await faults.reach(body))
-        found, whole = await faults.inject(body, _moment(at, host))
+        found, whole = await faults.inject(body, start_ns(at, host))
         note(request, FaultRequested, found)
         answer = _answer((found, whole), HTTPStatus.CREATED)
         answer.headers["Location"] = f"{PREFIX}/faults/{quote(found['id'], safe='')}"

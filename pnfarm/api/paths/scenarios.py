@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response
 
 from pnfarm.api.access.guard import ROLE
+from pnfarm.api.paths.at import At, start_ns
 from pnfarm.api.paths.faults import FaultEvidence  # noqa: TC001 - pydantic reads the annotations of fields
 from pnfarm.scenario.running import BarredStepError
 from pnfarm.vocabulary.issues import FarmFileError
@@ -20,8 +21,7 @@ from pnfarm.web.paths import text
 from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
+    from pnfarm.api.paths.host import Host
     from pnfarm.scenario.running import KeptScenarios, RunningScenario
     from pnfarm.web.paths import Paths
 
@@ -166,8 +166,8 @@ class ScenarioText(Schema):
     )
 
 
-def add_scenarios(path: Paths, scenarios: KeptScenarios, now: Callable[[], int]) -> None:
-    """Declare them; ``now`` is the clock of who carries them out."""
+def add_scenarios(path: Paths, scenarios: KeptScenarios, host: Host) -> None:
+    """Declare them."""
 
     def known(scenario_id: str) -> RunningScenario:
         with named_by_path():
@@ -182,13 +182,15 @@ def add_scenarios(path: Paths, scenarios: KeptScenarios, now: Callable[[], int])
         return Json({"scenarios": [found.summary() for found in scenarios.list()]})
 
     @path("POST scenarios", {201: ScenarioRecord}, body=body_of(ScenarioText), role=Role.INJECT)
-    async def post_scenario(request: Request) -> Json:
+    async def post_scenario(request: Request, at: At = None) -> Json:
         """Check a scenario against the farm and begin it."""
         wanted = checked(await read_object(request), ScenarioText, hint='send {"text": a scenario file as text}')
         try:
             # a step takes no more than the path that does the same
             barred = () if request.scope[ROLE].covers(Role.ADMIN) else ADMIN_STEPS
-            found = scenarios.start(wanted.text, wanted.variables, part=wanted.part, barred=barred)
+            found = scenarios.start(
+                wanted.text, wanted.variables, part=wanted.part, barred=barred, at_ns=start_ns(at, host)
+            )
         except BarredStepError as exc:
             sentence = f"{exc}: that needs a token with the role {Role.ADMIN}"
             raise RequestError(sentence, status=HTTPStatus.FORBIDDEN) from exc
@@ -210,7 +212,7 @@ def add_scenarios(path: Paths, scenarios: KeptScenarios, now: Callable[[], int])
     ) -> Json:
         """One scenario: verdict, cases, timeline; while it runs, what there is so far."""
         found = known(scenario_id)
-        return Json(found.as_dict() if cases_from is None else found.progress(cases_from, now()))
+        return Json(found.as_dict() if cases_from is None else found.progress(cases_from, host.now()))
 
     @path("GET scenarios/{scenario_id}/report", text("text/html"), response_class=Response)
     async def get_report(scenario_id: str) -> Response:

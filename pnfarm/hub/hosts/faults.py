@@ -25,7 +25,7 @@ from pnfarm.hub.shards import OWN_FAULT, AwayError, no_steps, understood
 from pnfarm.web.errors import NotFoundError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pnfarm.api.paths.faults import Outcome
     from pnfarm.faults.plan import InjectionSpec
@@ -138,10 +138,13 @@ class HubFaults:
 
     # -- begin and end
 
-    async def inject(self, fields: Mapping[str, Any], at_ns: int = 0) -> Outcome:
+    async def inject(
+        self, fields: Mapping[str, Any], at_ns: int = 0, *, begins: Callable[[int], None] | None = None
+    ) -> Outcome:
         """Put a fault in force on all shards at one moment; ``not_hit`` has the drives of shards that are away.
 
-        ``at_ns`` is a moment of the hub's clock, 0: as soon as all can.  Raises :class:`InjectionError` or
+        ``at_ns`` is a moment of the hub's clock, 0: as soon as all can; ``begins`` is called with it when the requests
+        are about to be sent.  Raises :class:`InjectionError` or
         :class:`RefusedError` with nothing changed, :class:`AwayError` where no drive was hit.
         """
         hub = self._hub
@@ -158,6 +161,8 @@ class HubFaults:
             silent = reached.away
             plan = dataclasses.replace(plan, at={one: names for one, names in plan.at.items() if one not in silent})
         start = at_ns or self._start(plan.at)
+        if begins is not None:
+            begins(start)
         answers = await self._ask(plan, at_ns=start)
         hub.remember(name, {**plan.spec.as_dict(), **({} if "as" in fields else {"as": name})})
         missing = [(shard, drives, shard.away()) for shard, drives in plan.away.items()]

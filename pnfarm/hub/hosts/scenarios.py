@@ -42,9 +42,10 @@ class HubScenarios(KeptScenarios):
         *,
         part: bool = False,
         barred: Collection[str] = (),
+        at_ns: int = 0,
     ) -> RunningScenario:
         self._hub.check_any()
-        return super().start(text, variables, part=part, barred=barred)
+        return super().start(text, variables, part=part, barred=barred, at_ns=at_ns)
 
     def _drives(self) -> Mapping[str, Model]:
         return {name: model_by_name(str(view["model"])) for name, view in self._hub.shards.views.items()}
@@ -52,9 +53,9 @@ class HubScenarios(KeptScenarios):
     def _models(self) -> Mapping[str, Sequence[str]]:
         return self._hub.shards.devices
 
-    def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
+    def _begin(self, binding: Binding, at_ns: int, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
         del part
-        run = HubRun(binding, self._hub, self._faults, self._hub.now())
+        run = HubRun(binding, self._hub, self._faults, at_ns)
         return run, self._carry_out(run)
 
     async def _carry_out(self, run: HubRun) -> None:

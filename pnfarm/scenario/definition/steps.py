@@ -231,6 +231,11 @@ class Step:
         return self.values.get(key, default)
 
     @property
+    def watches(self) -> bool:
+        """Whether it watches conditions while time passes."""
+        return "until" in self.values or "that" in self.values
+
+    @property
     def title(self) -> str:
         """A line for people: the step's own name, else what it does."""
         name = self.values.get("name") or self._described()
