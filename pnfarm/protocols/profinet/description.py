@@ -205,6 +205,9 @@ class SlotState:
     pulled: ModuleDescription | None = None
 
 
+_NOTHING = SlotState(None)
+
+
 class Plugged:
     """The modules in the slots: a mapping ``(slot, subslot) -> SubmoduleDescription`` that can be changed.
 
@@ -212,54 +215,42 @@ class Plugged:
     :meth:`restore` are for users and injections.
     """
 
-    __slots__ = ("_description", "_fixed", "_modules", "_pulled", "_substitutes")
+    __slots__ = ("_description", "_slots")
 
     def __init__(self, description: DeviceDescription) -> None:
         self._description = description
-        self._modules: dict[int, ModuleDescription] = {}
-        self._fixed: set[int] = set()
-        #: Content of a slot before something of it was pulled.
-        self._pulled: dict[int, ModuleDescription] = {}
-        self._substitutes: set[int] = set()
+        self._slots: dict[int, SlotState] = {}
         for slot in description.slots:
             self.restore(slot)
 
-    def follow(
-        self, slot: int, module_ident: int, idents: Mapping[int, int] = _NO_IDENTS, *, shared: bool = False
-    ) -> None:
+    def follow(self, slot: int, module_ident: int, idents: Mapping[int, int] = _NO_IDENTS) -> None:
         """Take the expected module with the expected submodules, ``idents`` by subslot, if the slot can have them and
-        is not held.
-
-        ``shared``: another AR uses the slot, whose module stays.
-        """
-        self.take({slot: self.following(slot, module_ident, idents, shared=shared)})
+        is not held."""
+        self.take({slot: self.following(slot, module_ident, idents)})
 
     def take(self, modules: Mapping[int, ModuleDescription | None]) -> None:
         """Take what :meth:`following` found, by slot."""
-        self._modules |= {slot: module for slot, module in modules.items() if module is not None}
+        for slot, module in modules.items():
+            if module is not None:
+                self._slots[slot] = replace(self.state(slot), module=module)
 
     def following(
-        self, slot: int, module_ident: int, idents: Mapping[int, int] = _NO_IDENTS, *, shared: bool = False
+        self, slot: int, module_ident: int, idents: Mapping[int, int], *, shared: bool = False
     ) -> ModuleDescription | None:
-        """What the slot will have after :meth:`follow`."""
-        present = self._modules.get(slot)
-        if slot in self._fixed:
+        """What the slot will have after :meth:`follow`.  ``shared``: another AR uses the slot, whose module stays."""
+        present = self.module(slot)
+        if self.held(slot):
             return present
         module = present if shared else self._description.module(slot, module_ident)
         return module.taking(idents) if module is not None and module.module_ident == module_ident else present
 
     def pull(self, slot: int, subslot: int | None = None) -> None:
         """Take a module, or one submodule of it, out, whatever a controller expects, until :meth:`plug`."""
-        module = self._modules.get(slot)
-        self._fixed.add(slot)
-        if module is None:
-            return
-        self._pulled.setdefault(slot, module)
-        if subslot is None:
-            del self._modules[slot]
-        else:
-            rest = tuple(s for s in module.submodules if s.subslot != subslot)
-            self._modules[slot] = replace(module, submodules=rest)
+        state = self.state(slot)
+        module, rest = state.module, None
+        if module is not None and subslot is not None:
+            rest = replace(module, submodules=tuple(s for s in module.submodules if s.subslot != subslot))
+        self._slots[slot] = replace(state, module=rest, held=True, pulled=state.pulled or module)
 
     def plug(self, slot: int, module: ModuleDescription | None = None, *, substitute: bool = False) -> None:
         """Put ``module`` into ``slot``, whatever a controller expects; without one, what was pulled.
@@ -267,67 +258,40 @@ class Plugged:
         A ``substitute`` works in the place of another module: its submodules with the expected lengths are usable.
         """
         if module is None:
-            before = self._pulled.pop(slot, None)
-            self.restore(slot)
-            if before is not None:
-                self._modules[slot] = before
-            return
-        self._pulled.pop(slot, None)
-        self._fixed.add(slot)
-        self._modules[slot] = module
-        if substitute:
-            self._substitutes.add(slot)
+            self._slots[slot] = SlotState(self.state(slot).pulled or self._description.default_module(slot))
         else:
-            self._substitutes.discard(slot)
+            self._slots[slot] = SlotState(module, held=True, substitute=substitute)
 
     def restore(self, slot: int) -> None:
         """Back to the module of power-on, free to follow again."""
-        self._fixed.discard(slot)
-        self._pulled.pop(slot, None)
-        self._substitutes.discard(slot)
-        module = self._description.default_module(slot)
-        if module is None:
-            self._modules.pop(slot, None)
-        else:
-            self._modules[slot] = module
+        self._slots[slot] = SlotState(self._description.default_module(slot))
 
     def state(self, slot: int) -> SlotState:
         """For :meth:`put`."""
-        module, pulled = self._modules.get(slot), self._pulled.get(slot)
-        return SlotState(module, slot in self._fixed, slot in self._substitutes, pulled)
+        return self._slots.get(slot, _NOTHING)
 
     def put(self, slot: int, state: SlotState) -> None:
         """The slot as ``state`` says, whatever was there before."""
-        self.restore(slot)
-        if state.module is None:
-            self._modules.pop(slot, None)
-        else:
-            self._modules[slot] = state.module
-        if state.held:
-            self._fixed.add(slot)
-        if state.substitute:
-            self._substitutes.add(slot)
-        if state.pulled is not None:
-            self._pulled[slot] = state.pulled
+        self._slots[slot] = state
 
     def held(self, slot: int) -> bool:
         """A user pulled or plugged here: the slot does not follow the controller."""
-        return slot in self._fixed
+        return self.state(slot).held
 
     def substitutes(self, slot: int) -> bool:
         """The module in ``slot`` was plugged as a substitute for another."""
-        return slot in self._substitutes
+        return self.state(slot).substitute
 
     def module(self, slot: int) -> ModuleDescription | None:
-        return self._modules.get(slot)
+        return self.state(slot).module
 
     def modules(self) -> tuple[ModuleDescription, ...]:
         """In the order of their slots."""
-        return tuple(self._modules[slot] for slot in sorted(self._modules))
+        return tuple(state.module for _, state in sorted(self._slots.items()) if state.module is not None)
 
     def apis(self) -> tuple[int, ...]:
         """Every API that some submodule belongs to, ascending."""
-        return tuple(sorted({s.api for m in self._modules.values() for s in m.submodules}))
+        return tuple(sorted({s.api for m in self.modules() for s in m.submodules}))
 
     def submodule(self, api: int, slot: int, subslot: int) -> SubmoduleDescription | None:
         """The submodule there, if it belongs to ``api``."""
@@ -335,7 +299,7 @@ class Plugged:
         return found if found is not None and found.api == api else None
 
     def get(self, key: tuple[int, int]) -> SubmoduleDescription | None:
-        module = self._modules.get(key[0])
+        module = self.module(key[0])
         return module.submodule(key[1]) if module else None
 
     def __getitem__(self, key: tuple[int, int]) -> SubmoduleDescription:
@@ -351,4 +315,4 @@ class Plugged:
         return iter([(s.slot, s.subslot) for m in self.modules() for s in m.submodules])
 
     def __len__(self) -> int:
-        return sum(len(m.submodules) for m in self._modules.values())
+        return sum(len(m.submodules) for m in self.modules())
