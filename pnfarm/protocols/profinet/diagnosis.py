@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmSpecifier, AlarmType
 from pnfarm.protocols.profinet.wire.block import VERSION_1_1
 from pnfarm.protocols.profinet.wire.records.diagnosis import (
+    CHANNEL_USIS,
+    MANUFACTURER_LAST,
     WHOLE_SUBMODULE,
     ChannelDiagnosis,
     ChannelProperties,
@@ -54,8 +56,6 @@ __all__ = [
     "diagnosis_blocks",
 ]
 
-_CHANNEL_USIS = frozenset({Usi.CHANNEL, Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL})
-
 
 class Severity(IntEnum):
     """In rising order.  Advice exists only as a qualifier."""
@@ -80,21 +80,8 @@ _ALARM_TYPES = {
 }
 
 
-class _SubmoduleStateBits:
-    """The diagnosis bits of SubmoduleState."""
-
-    ADVICE = 1 << 3
-    MAINTENANCE_REQUIRED = 1 << 4
-    MAINTENANCE_DEMANDED = 1 << 5
-    FAULT = 1 << 6
-
-
-_STATE_BITS = {
-    Severity.ADVICE: _SubmoduleStateBits.ADVICE,
-    Severity.MAINTENANCE_REQUIRED: _SubmoduleStateBits.MAINTENANCE_REQUIRED,
-    Severity.MAINTENANCE_DEMANDED: _SubmoduleStateBits.MAINTENANCE_DEMANDED,
-    Severity.FAULT: _SubmoduleStateBits.FAULT,
-}
+#: Bit of SubmoduleState for advice; those of the other severities follow in their order.
+_ADVICE_BIT = 3
 _QUALIFIED = {
     Severity.ADVICE: Qualifier.ADVICE,
     Severity.MAINTENANCE_REQUIRED: Qualifier.REQUIRED,
@@ -133,8 +120,8 @@ class DiagnosisEntry:
     data: bytes = b""
 
     def __post_init__(self) -> None:
-        coded = self.usi in _CHANNEL_USIS
-        if not coded and not 0 <= self.usi <= Usi.MANUFACTURER_LAST:
+        coded = self.channel_coded
+        if not coded and not 0 <= self.usi <= MANUFACTURER_LAST:
             raise ValueError(f"USI 0x{self.usi:04X} is neither channel-coded nor a manufacturer's")
         if not 0 <= self.channel <= WHOLE_SUBMODULE:
             raise ValueError(f"channel 0x{self.channel:X} is above 0x8000")
@@ -155,7 +142,7 @@ class DiagnosisEntry:
 
     @property
     def channel_coded(self) -> bool:
-        return self.usi in _CHANNEL_USIS
+        return self.usi in CHANNEL_USIS
 
     def in_words(self, texts: DiagnosisTexts | None = None) -> str:
         """What it says: by ``texts``, the device's own, else by the standard's or a profile's; octets at last."""
@@ -302,12 +289,12 @@ class DiagnosisStore:
 
     # queries
 
-    def submodule_diag_state(self, api: int, slot: int, subslot: int) -> int:
+    def submodule_diag_state(self, place: ExpectedKey) -> int:
         """The diagnosis bits of SubmoduleState, to be joined with the rest of it."""
         bits = 0
-        for entry in self._at((api, slot, subslot)):
+        for entry in self._at(place):
             for severity in entry.severities:
-                bits |= _STATE_BITS[severity]
+                bits |= 1 << _ADVICE_BIT + severity
         return bits
 
     def maintenance_status(self, place: ExpectedKey) -> int:

@@ -154,15 +154,15 @@ def test_a_qualifier_says_several_severities(store):
     store.add(QUALIFIED)
     (event,) = store.events()
     assert event.maintenance_status == 0x0002_000A
-    assert store.submodule_diag_state(*PLACE) == 1 << 3 | 1 << 5
+    assert store.submodule_diag_state(PLACE) == 1 << 3 | 1 << 5
 
 
 def test_the_state_of_a_submodule_for_the_module_difference(store):
-    assert store.submodule_diag_state(*PLACE) == 0
+    assert store.submodule_diag_state(PLACE) == 0
     for entry in (HOT, WORN):
         store.add(entry)
-    assert store.submodule_diag_state(*PLACE) == 1 << 4 | 1 << 6
-    assert store.submodule_diag_state(0, 1, 1) == 0
+    assert store.submodule_diag_state(PLACE) == 1 << 4 | 1 << 6
+    assert store.submodule_diag_state((0, 1, 1)) == 0
 
 
 @pytest.mark.parametrize(

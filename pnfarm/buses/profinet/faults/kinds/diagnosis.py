@@ -14,7 +14,13 @@ from pnfarm.faults.kind import HELD, WORD, InjectionKind, ParamSpec
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.gsdml.diagnosis import unit_octets
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
-from pnfarm.protocols.profinet.wire.records.diagnosis import WHOLE_SUBMODULE, Maintenance, Qualifier, Usi
+from pnfarm.protocols.profinet.wire.records.diagnosis import (
+    MANUFACTURER_LAST,
+    WHOLE_SUBMODULE,
+    Maintenance,
+    Qualifier,
+    Usi,
+)
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
@@ -168,7 +174,7 @@ KIND = InjectionKind(
             "UserStructureIdentifier of the manufacturer's coding.",
             default=1,
             low=0,
-            high=Usi.MANUFACTURER_LAST,
+            high=MANUFACTURER_LAST,
         ),
         "data": ParamSpec("octets", "Data of the manufacturer's coding.", default="", high=128),
     },

@@ -74,9 +74,7 @@ class Modules:
 
     def diff(self, ar: Ar) -> ModuleDiffBlock | None:
         """The differences between the plugged and the AR's expected modules."""
-        holdings = Holdings(
-            ar.locked, ar.pending, ar.supervisor, lambda key: self._diagnosis.submodule_diag_state(*key)
-        )
+        holdings = Holdings(ar.locked, ar.pending, ar.supervisor, self._diagnosis.submodule_diag_state)
         return module_diff(ar.expected, self._plugged, holdings)
 
     def unusable(self, ar: Ar) -> frozenset[ExpectedKey]:

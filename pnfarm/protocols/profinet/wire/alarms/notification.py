@@ -12,6 +12,7 @@ from typing import Annotated, Any, Self
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.block import VERSION_1_0, Block, RawBlock
+from pnfarm.protocols.profinet.wire.records.diagnosis import Usi
 from pnfarm.protocols.profinet.wire.rpc.pdu import OK, PnioStatus
 from pnfarm.wire.code import Code, words_of
 from pnfarm.wire.layout import Codec, Outside, UInt16, UInt32
@@ -24,7 +25,6 @@ __all__ = [
     "AlarmNotification",
     "AlarmSpecifier",
     "AlarmType",
-    "Usi",
     "acknowledge",
     "alarm_type_text",
     "describe_alarm",
@@ -89,29 +89,11 @@ class AlarmSpecifier(IntEnum):
     AR_DIAGNOSIS_STATE = 0x8000
 
 
-class Usi(Code):
-    """UserStructureIdentifier; up to 0x7FFF they are the manufacturer's."""
-
-    CHANNEL_DIAGNOSIS = 0x8000
-    MULTIPLE = 0x8001
-    EXT_CHANNEL_DIAGNOSIS = 0x8002
-    QUALIFIED_CHANNEL_DIAGNOSIS = 0x8003
-    MAINTENANCE = 0x8100
-    UPLOAD_AND_RETRIEVAL = 0x8200
-    I_PARAMETER = 0x8201
-    RS_LOW_WATERMARK = 0x8300
-    RS_TIMEOUT = 0x8301
-    RS_OVERFLOW = 0x8302
-    RS_EVENT = 0x8303
-    ENERGY_SAVING_STATUS = 0x8310
-    PROCESS_ALARM_REASON = 0x8320
-
-
 #: Octets of one entry after the identifier; every other item fills the rest of its block.
 _ENTRY_SIZE: dict[int, int] = {
-    Usi.CHANNEL_DIAGNOSIS: 6,
-    Usi.EXT_CHANNEL_DIAGNOSIS: 12,
-    Usi.QUALIFIED_CHANNEL_DIAGNOSIS: 16,
+    Usi.CHANNEL: 6,
+    Usi.EXT_CHANNEL: 12,
+    Usi.QUALIFIED_CHANNEL: 16,
     Usi.MAINTENANCE: 12,
 }
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType, describe_alarm, describe_item
 from pnfarm.protocols.profinet.wire.records.diagnosis import (
+    CHANNEL_USIS,
     WHOLE_SUBMODULE,
     ChannelDiagnosis,
     ChannelSpecifier,
@@ -38,8 +39,7 @@ class DiagnosisTexts(Protocol):
         """Text of an item in the maker's own format."""
 
 
-_CHANNELS = frozenset({Usi.CHANNEL, Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL})
-_KNOWN = _CHANNELS | {Usi.MAINTENANCE}
+_KNOWN = CHANNEL_USIS | {Usi.MAINTENANCE}
 
 
 def _status(status: int) -> str:
@@ -108,7 +108,7 @@ def only_disappears(alarm: AlarmNotification) -> bool:
 
 
 def _channels_disappear(item: AlarmItem) -> bool:
-    if item.usi not in _CHANNELS:
+    if item.usi not in CHANNEL_USIS:
         return False
     try:
         entries = parse_items(item.data, item.usi)

@@ -16,6 +16,8 @@ from pnfarm.wire.layout import Codec, Fixed, Outside, Pad, Rest, Structure, UInt
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
+    "CHANNEL_USIS",
+    "MANUFACTURER_LAST",
     "WHOLE_SUBMODULE",
     "ChannelDiagnosis",
     "ChannelProperties",
@@ -39,15 +41,27 @@ __all__ = [
 WHOLE_SUBMODULE = 0x8000
 
 
-class Usi(IntEnum):
-    """UserStructureIdentifier; 0 to 0x7FFF are the manufacturer's."""
+class Usi(Code):
+    """UserStructureIdentifier; up to :data:`MANUFACTURER_LAST` they are the manufacturer's."""
 
-    MANUFACTURER_LAST = 0x7FFF
-    CHANNEL = 0x8000
+    CHANNEL = 0x8000, "channel diagnosis"
     MULTIPLE = 0x8001
-    EXT_CHANNEL = 0x8002
-    QUALIFIED_CHANNEL = 0x8003
+    EXT_CHANNEL = 0x8002, "ext channel diagnosis"
+    QUALIFIED_CHANNEL = 0x8003, "qualified channel diagnosis"
     MAINTENANCE = 0x8100
+    UPLOAD_AND_RETRIEVAL = 0x8200
+    I_PARAMETER = 0x8201
+    RS_LOW_WATERMARK = 0x8300
+    RS_TIMEOUT = 0x8301
+    RS_OVERFLOW = 0x8302
+    RS_EVENT = 0x8303
+    ENERGY_SAVING_STATUS = 0x8310
+    PROCESS_ALARM_REASON = 0x8320
+
+
+MANUFACTURER_LAST = 0x7FFF
+#: The codings of channels.
+CHANNEL_USIS = frozenset({Usi.CHANNEL, Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL})
 
 
 class Maintenance(Code):
