@@ -13,7 +13,7 @@ from recorded_farm import FARM, described, under_faults
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.protocols.profinet.errors import RtaError
-from pnfarm.protocols.profinet.wire.alarms.rta import error_pdu, rta_error
+from pnfarm.protocols.profinet.wire.alarms.rta import rta_error
 from pnfarm.protocols.profinet.wire.ptcp import PtcpPdu, PtcpTlv, TlvType, emit_ptcp
 from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
@@ -309,5 +309,5 @@ def test_the_end_of_a_connection_tells_the_last_frame_of_all_that_its_peer_sent(
 
     # two connections, the second with another frame id
     frames = [frame(0, plc, drive, data(0x8000)), frame(5000, plc, drive, data(0x8001))]
-    frames.append(frame(5006, drive, plc, error_pdu(rta_error(1, 1, RtaError.CONSUMER_DHT_EXPIRED)).emit()))
+    frames.append(frame(5006, drive, plc, rta_error(1, 1, RtaError.CONSUMER_DHT_EXPIRED).emit()))
     assert described(frames)[-1].endswith("; last cyclic frame of 02:00:00:00:00:02 6.0 ms ago")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.wire.encapsulation import parse_encapsulation
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, parse_alarm
-from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, error_of, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, error_status, parse_rta
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.block import split_blocks
 from pnfarm.protocols.profinet.wire.dcp.blocks import NameBlock, UnknownBlock
@@ -139,7 +139,7 @@ def rta(data: bytes) -> Fields:
     if pdu.type == RtaType.DATA:
         alarm = parse_alarm(pdu.body)
     if pdu.type == RtaType.ERR:
-        error_of(pdu)
+        error_status(pdu)
     return {
         "frame id": pdu.frame_id,
         "destination": pdu.destination,

@@ -69,7 +69,6 @@ LAYERS = {
     "parse_dcp": ("dcp",),
     "parse_lldp": ("lldp",),
     "parse_rta": ("rta",),
-    "parse_rta_error": ("rta",),
     "parse_alarm": ("alarm",),
     "parse_alarm_items": ("alarm-items",),
     "parse_rpc": ("rpc",),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmController, CmctlState
 from pnfarm.protocols.profinet.cm.controller.events import ArFailed, CmctlEvent, ControllerCall, Timeouts
 from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord, PlannedSubmodule
-from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta_error
+from pnfarm.protocols.profinet.wire.alarms.rta import error_status, parse_rta
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
 from pnfarm.protocols.profinet.wire.block import Block, BlockType, split_blocks
 from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes, ArBlockReq, ArBlockRes
@@ -251,7 +251,7 @@ def failure(up: Line) -> ArFailed:
 
 
 def rta_codes(up: Line) -> list[int]:
-    return [parse_rta_error(pdu).status.error_code2 for _, pdu, _ in up.controller.rta_to_send()]
+    return [error_status(parse_rta(pdu)).error_code2 for _, pdu, _ in up.controller.rta_to_send()]
 
 
 @st.composite

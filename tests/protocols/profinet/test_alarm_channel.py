@@ -21,8 +21,7 @@ from pnfarm.protocols.profinet.wire.alarms.rta import (
     FIRST_SEND,
     RtaPdu,
     RtaType,
-    error_of,
-    error_pdu,
+    error_status,
     next_sequence,
     parse_rta,
     rta_error,
@@ -167,7 +166,7 @@ def test_an_alarm_is_repeated_and_given_up_to_the_nanosecond():
     pair.pass_time(7 + 9 * STEP)
     (failed,) = pair.device_events
     assert failed == AlarmFailed(RtaError.ALARM_SEND_FAILED, "an alarm was sent 3 times without a transport ACK")
-    assert error_of(pair.frames[-1][1]).status == rta_status(8)
+    assert error_status(pair.frames[-1][1]) == rta_status(8)
     assert not pair.device.is_open
     assert pair.device.next_deadline() is None
 
@@ -361,7 +360,7 @@ def test_a_faulty_alarm_ends_the_channel_unacknowledged(body, code):
     assert (failed.code, device.is_open, device.to_send(0)) == (code, False, [])
     device.abort(failed.code)
     (err,) = sent(device)
-    assert error_of(err).status.error_code2 == code
+    assert error_status(err).error_code2 == code
 
 
 def test_an_alarm_before_the_answer_to_the_last_one_is_a_protocol_violation():
@@ -404,7 +403,7 @@ def test_an_alarm_ack_without_the_transport_acknowledgement_does_not_stop_the_ti
 def test_the_peers_error_pdu_closes_the_channel():
     device = device_end()
     device.notify(alarm(1), 0)
-    device.receive(error_pdu(rta_error(DEVICE, CONTROLLER, 0x21)), 0)
+    device.receive(rta_error(DEVICE, CONTROLLER, 0x21), 0)
     assert device.events() == [PeerAborted(rta_status(0x21))]
     assert (device.is_open, device.to_send(0), device.next_deadline()) == (False, [], None)
 

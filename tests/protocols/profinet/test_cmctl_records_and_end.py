@@ -30,7 +30,7 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     RecordWriteDone,
 )
 from pnfarm.protocols.profinet.errors import OK, RtaError, rta_status
-from pnfarm.protocols.profinet.wire.alarms.rta import error_pdu, parse_rta_error, rta_error
+from pnfarm.protocols.profinet.wire.alarms.rta import error_status, parse_rta, rta_error
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.connect import (
     AlarmCrBlockRes,
@@ -171,7 +171,7 @@ def test_a_device_may_end_a_released_ar_with_its_own_rta_error() -> None:
     up = established(ScriptedDevice({Opnum.RELEASE: lambda *_: None}))
     up.controller.release(up.now)
     up.run()
-    pdu = error_pdu(rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.RELEASE_RECEIVED)).emit()
+    pdu = rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.RELEASE_RECEIVED).emit()
     up.controller.receive_rta(pdu, DEVICE_MAC, up.now)
     assert up.run() == [ArReleased()]
 
@@ -258,15 +258,15 @@ def test_an_expired_watchdog_aborts_the_ar_and_tells_the_device_code_5() -> None
     up.controller.watchdog_expired(up.now)
     assert up.run() == [ArAborted(False, 0xFD, 5, "no input data within the data hold time")]
     ((mac, pdu, tag),) = up.controller.rta_to_send()
-    error = parse_rta_error(pdu)
+    error = parse_rta(pdu)
     assert (mac, tag) == (DEVICE_MAC, VlanTag(5))
-    assert (error.destination, error.source, error.status) == (DEVICE_ALARM_REFERENCE, 1, rta_status(5))
+    assert (error.destination, error.source, error_status(error)) == (DEVICE_ALARM_REFERENCE, 1, rta_status(5))
 
 
 def test_an_rta_error_of_the_device_aborts_the_ar_and_is_not_answered() -> None:
     up = established()
     up.controller.read_record("waits", 0, 0, 1, 1, 64)
-    pdu = error_pdu(rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.LINK_DOWN)).emit()
+    pdu = rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.LINK_DOWN).emit()
     up.controller.receive_rta(pdu, DEVICE_MAC, up.now)
     waits, end = up.run()
     assert waits == RecordRead("waits", None, None, "the connection was aborted")
@@ -280,7 +280,7 @@ def test_an_rta_error_during_the_start_up_fails_it() -> None:
     up = line()
     up.controller.connect(0)
     up.run()
-    pdu = error_pdu(rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.CMI_TIMEOUT)).emit()
+    pdu = rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.CMI_TIMEOUT).emit()
     up.controller.receive_rta(pdu, DEVICE_MAC, 0)
     (end,) = up.run()
     assert isinstance(end, ArFailed)
@@ -289,9 +289,9 @@ def test_an_rta_error_during_the_start_up_fails_it() -> None:
 
 def test_rta_frames_of_others_change_nothing() -> None:
     up = established()
-    good = error_pdu(rta_error(1, DEVICE_ALARM_REFERENCE, 5)).emit()
+    good = rta_error(1, DEVICE_ALARM_REFERENCE, 5).emit()
     up.controller.receive_rta(good, bytes(6), 0)
-    up.controller.receive_rta(error_pdu(rta_error(2, DEVICE_ALARM_REFERENCE, 5)).emit(), DEVICE_MAC, 0)
+    up.controller.receive_rta(rta_error(2, DEVICE_ALARM_REFERENCE, 5).emit(), DEVICE_MAC, 0)
     up.controller.receive_rta(good[:9], DEVICE_MAC, 0)
     assert up.run() == []
     assert up.controller.state is CmctlState.DATA

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.errors import ConnectFault, RtaError, describe_status
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmAck, describe_place, parse_alarm
-from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, error_of, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, error_status, parse_rta
 from pnfarm.protocols.profinet.wire.alarms.texts import alarm_in_words
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH
 
@@ -28,7 +28,7 @@ def alarm(packet: Packet, shared: Shared) -> Iterator[Description]:
     pdu = parse_rta(packet.payload)
     priority = "high" if pdu.frame_id == ALARM_HIGH else "low"
     if pdu.type == RtaType.ERR:
-        status = error_of(pdu).status
+        status = error_status(pdu)
         text = describe_status(status).removeprefix("RTA error: ").removeprefix("RTA_ERR_CLS_PROTOCOL: ")
         counts = {"aborts": text}
         if (status.error_code1, status.error_code2) == (

@@ -34,16 +34,15 @@ from pnfarm.protocols.profinet.alarms.events import (
     PeerAborted,
 )
 from pnfarm.protocols.profinet.alarms.priority import AlarmLine, LineSettings, Queued
-from pnfarm.protocols.profinet.errors import OK, RtaError, rta_status
+from pnfarm.protocols.profinet.errors import OK, RtaError
 from pnfarm.protocols.profinet.wire.alarms.rta import (
     FIRST_ACK,
     FIRST_SEND,
     RTA_VERSION,
-    RtaErrorPdu,
     RtaPdu,
     RtaType,
-    error_of,
-    error_pdu,
+    error_status,
+    rta_error,
 )
 from pnfarm.protocols.profinet.wire.cm.connect import ALARM_TAG_HEADER_HIGH, ALARM_TAG_HEADER_LOW
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
@@ -162,15 +161,10 @@ class AlarmChannel:
     def abort(self, code: int) -> None:
         """Send an ERR-RTA-PDU (CF 81 FD ``code``, of low priority) and close; also after a failure."""
         settings, low = self._settings, self._low
-        pdu = RtaErrorPdu(
-            settings.remote_reference,
-            settings.local_reference,
-            rta_status(code),
-            send_sequence=low.send_sequence,
-            ack_sequence=low.last_received,
-        )
+        remote, local = settings.remote_reference, settings.local_reference
+        pdu = rta_error(remote, local, code, low.send_sequence, low.last_received)
         self.close()
-        self._frames.append(error_pdu(pdu))
+        self._frames.append(pdu)
 
     def close(self) -> None:
         """Forget every alarm and frame; the channel is closed."""
@@ -237,12 +231,12 @@ class AlarmChannel:
 
     def _receive_error(self, pdu: RtaPdu) -> None:
         try:
-            error = error_of(pdu)
+            status = error_status(pdu)
         except DecodeError as exc:
             self.dropped[exc.reason] += 1
             return
         self.close()
-        self._events.append(PeerAborted(error.status))
+        self._events.append(PeerAborted(status))
 
     # Calls of the lines
 

@@ -5,7 +5,6 @@ VarPartLen u16, VarPart``, after EtherType 0x8892.  The endpoints are the alarm 
 Connect.  A DATA-RTA-PDU carries one alarm block, an ERR-RTA-PDU a PNIOStatus, the other two nothing.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum
 
 from pnfarm.errors import DecodeError
@@ -21,14 +20,11 @@ __all__ = [
     "RTA_VERSION",
     "TACK",
     "WINDOW_SIZE",
-    "RtaErrorPdu",
     "RtaPdu",
     "RtaType",
-    "error_of",
-    "error_pdu",
+    "error_status",
     "next_sequence",
     "parse_rta",
-    "parse_rta_error",
     "rta_error",
 ]
 
@@ -54,8 +50,6 @@ FIRST_SEND = 0xFFFF
 FIRST_ACK = 0xFFFE
 #: After the first number the counters run from 0 to here and start again.
 _HIGHEST_SEQUENCE = 0x7FFF
-
-_ERR_PDU = RTA_VERSION << 4 | RtaType.ERR
 
 
 class RtaPdu(Structure):
@@ -105,49 +99,15 @@ def parse_rta(data: bytes) -> RtaPdu:
 # ERR-RTA-PDU: how either end of an AR reports its end
 
 
-@dataclass(frozen=True, slots=True)
-class RtaErrorPdu:
-    """An ERR-RTA-PDU; ``vendor`` is what may follow the status (IEC 61158-6-10, RTA-SDU of ERR)."""
-
-    destination: int
-    source: int
-    status: PnioStatus
-    frame_id: int = ALARM_LOW
-    send_sequence: int = FIRST_SEND
-    ack_sequence: int = FIRST_ACK
-    vendor: bytes = b""
-    pdu_type: int = _ERR_PDU
-    add_flags: int = WINDOW_SIZE
+def rta_error(
+    destination: int, source: int, code: int, send_sequence: int = FIRST_SEND, ack_sequence: int = FIRST_ACK
+) -> RtaPdu:
+    """With the status CF 81 FD ``code`` (:class:`~pnfarm.protocols.profinet.errors.RtaError`), of low priority."""
+    kind = RTA_VERSION << 4 | RtaType.ERR
+    status = rta_status(code).emit()
+    return RtaPdu(ALARM_LOW, destination, source, kind, WINDOW_SIZE, send_sequence, ack_sequence, status)
 
 
-def rta_error(destination: int, source: int, code: int) -> RtaErrorPdu:
-    """The PDU with the status CF 81 FD ``code`` (:class:`~pnfarm.protocols.profinet.errors.RtaError`)."""
-    return RtaErrorPdu(destination, source, rta_status(code))
-
-
-def error_of(pdu: RtaPdu) -> RtaErrorPdu:
-    """The same PDU as an ERR-RTA-PDU.  Raises ``bad-type`` for one of another type, ``short``."""
-    if pdu.type != RtaType.ERR:
-        raise DecodeError("bad-type", f"RTA-PDU of type 0x{pdu.pdu_type:02X} is not ERR")
-    head = {name: value for name, value in vars(pdu).items() if name != "body"}
-    body = Reader(pdu.body)
-    return RtaErrorPdu(status=PnioStatus.read(body), vendor=body.rest(), **head)
-
-
-def parse_rta_error(data: bytes) -> RtaErrorPdu:
-    """``data`` starts with the frame id.  Raises ``bad-type`` for every other RTA-PDU."""
-    return error_of(parse_rta(data))
-
-
-def error_pdu(value: RtaErrorPdu) -> RtaPdu:
-    """The ERR-RTA-PDU as one among the others."""
-    return RtaPdu(
-        value.frame_id,
-        value.destination,
-        value.source,
-        value.pdu_type,
-        value.add_flags,
-        value.send_sequence,
-        value.ack_sequence,
-        value.status.emit() + value.vendor,
-    )
+def error_status(pdu: RtaPdu) -> PnioStatus:
+    """That of an ERR-RTA-PDU; the vendor's octets may follow it.  Raises :class:`DecodeError` (``short``)."""
+    return PnioStatus.read(Reader(pdu.body))
