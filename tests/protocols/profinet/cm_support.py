@@ -20,6 +20,8 @@ from pnfarm.protocols.profinet.description import (
     Plugged,
     SubmoduleDescription,
 )
+from pnfarm.protocols.profinet.errors import AccessError, RecordError
+from pnfarm.protocols.profinet.records.handler import KeptRecords
 from pnfarm.protocols.profinet.records.store import DeviceRecords
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
@@ -195,13 +197,41 @@ class Plan:
         return emit_blocks((self.ar, self.inputs, self.outputs, *expected, self.alarm, *self.extra))
 
 
+class NoRecords:
+    """An application without any record: every index is invalid."""
+
+    def read(self, ar, api, slot, subslot, index, max_length, now):
+        return RecordError(AccessError.INVALID_INDEX)
+
+    def write(self, ar, api, slot, subslot, index, data, now):
+        return RecordError(AccessError.INVALID_INDEX)
+
+
+#: What a controller writes to the physical device at start-up.
+START_UP = frozenset({0x802B, 0x802F, 0x8051, 0x8052, 0x8053, 0x8070, 0x8071, 0x8090, 0xB050, 0xB060})
+
+
+def device_of(description, *, mac=DEVICE_MAC, application=None, io_data=None, pdev=None, texts=None):
+    """A device with its records: without data and with a physical device that keeps what is written, unless given."""
+    plugged = Plugged(description)
+    records = DeviceRecords(
+        description,
+        plugged,
+        lambda: device.ars,
+        application=application or NoRecords(),
+        io_data=io_data or (lambda _slot, _subslot, _output: None),
+        pdev=pdev or KeptRecords(START_UP),
+        texts={} if texts is None else texts,
+    )
+    device = CmDevice(description, plugged, records, mac=mac, station_name="axis-01", diagnosis=records.diagnosis)
+    return device, plugged, records
+
+
 class Bench:
     """One device with its records, and the controller's side of every call."""
 
-    def __init__(self, description=DRIVE, application=None, io_data=None, **records):
-        self.plugged = Plugged(description)
-        self.records = DeviceRecords(description, self.plugged, lambda: self.cm.ars, application, io_data, **records)
-        self.cm = CmDevice(description, self.plugged, self.records, mac=DEVICE_MAC, station_name="axis-01")
+    def __init__(self, description=DRIVE, **parts):
+        self.cm, self.plugged, self.records = device_of(description, **parts)
         self.now = 0
         self.seen = []
 

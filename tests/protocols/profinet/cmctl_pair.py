@@ -24,6 +24,7 @@ from pnfarm.protocols.profinet.description import (
     Plugged,
     SubmoduleDescription,
 )
+from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 
@@ -126,7 +127,7 @@ def pair(description: DeviceDescription = DRIVE, timeouts: Timeouts | None = Non
 
 def pair_of(plan: ArPlan, description: DeviceDescription, timeouts: Timeouts | None = None) -> Pair:
     plugged, records = Plugged(description), Memory()
-    device = CmDevice(description, plugged, records, mac=DEVICE_MAC, station_name="axis-01")
+    device = CmDevice(description, plugged, records, mac=DEVICE_MAC, station_name="axis-01", diagnosis=DiagnosisStore())
     return Pair(CmController(plan, timeouts), device, plugged, records)
 
 

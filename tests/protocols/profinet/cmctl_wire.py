@@ -18,6 +18,7 @@ from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
 from pnfarm.protocols.profinet.cm.device import events as device_events
 from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
 from pnfarm.protocols.profinet.description import DeviceDescription, Plugged
+from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 
@@ -74,7 +75,9 @@ class Wire:
 
     def __init__(self, description: DeviceDescription = DRIVE) -> None:
         self.plugged, self.records = Plugged(description), RefusingMemory()
-        self.device = CmDevice(description, self.plugged, self.records, mac=DEVICE_MAC, station_name="axis-01")
+        self.device = CmDevice(
+            description, self.plugged, self.records, mac=DEVICE_MAC, station_name="axis-01", diagnosis=DiagnosisStore()
+        )
         self.ends: list[End] = []
         self.now = SECOND
         self.ready = True

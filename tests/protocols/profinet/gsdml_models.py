@@ -1,6 +1,6 @@
 """Each PROFINET model with its GSDML file, and plans that a controller makes of the file alone."""
 
-from cm_support import Bench
+from cm_support import Bench, device_of
 from cmctl_pair import Pair
 from cmctl_peers import make_plan
 
@@ -11,12 +11,9 @@ from pnfarm.drives.catalogue import models
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
 from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload
-from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
-from pnfarm.protocols.profinet.description import Plugged
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
-from pnfarm.protocols.profinet.records.store import DeviceRecords
 
 MS = 1_000_000
 MAC = bytes.fromhex("020000000077")
@@ -63,7 +60,4 @@ def connected(plan, description):
 
 def station_of(plan, description):
     """Both ends, the device with the records that it really has."""
-    plugged = Plugged(description)
-    records = DeviceRecords(description, plugged, lambda: device.ars)
-    device = CmDevice(description, plugged, records, mac=MAC, station_name="axis-01")
-    return Pair(CmController(plan), device, plugged, records)
+    return Pair(CmController(plan), *device_of(description, mac=MAC))

@@ -4,12 +4,12 @@ from dataclasses import replace
 from uuid import UUID
 
 import pytest
-from cm_support import CAPTURE_NAMES, DRIVE, DRIVE_API, MS, UUID_1, UUID_2, Bench, calls, telegram
+from cm_support import CAPTURE_NAMES, DRIVE, DRIVE_API, MS, UUID_1, UUID_2, Bench, NoRecords, calls, telegram
 
 from pnfarm.protocols.profinet.cm.device.events import RecordRefused, RecordWritten
 from pnfarm.protocols.profinet.cm.device.records import serve_write
 from pnfarm.protocols.profinet.errors import AccessError, CmrpcError, ConnectFault, ErrorCode, RecordError, pnio_error
-from pnfarm.protocols.profinet.records.store import IoData, NoRecords
+from pnfarm.protocols.profinet.records.store import IoData
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.block import RawBlock
 from pnfarm.protocols.profinet.wire.records import identification

@@ -42,7 +42,7 @@ def io_data(_slot, _subslot, _output):
 @pytest.mark.parametrize("name", CAPTURE_NAMES[1:])
 def test_the_start_up_records_of_real_controllers_are_all_taken(name):
     application = Keeper()
-    bench = Bench(fitting(name), application)
+    bench = Bench(fitting(name), application=application)
     assert bench.call(0, connect_request(name), room=712)[0].ok
     payload = next(c.payload for c in calls(name) if c.request and c.opnum == 3)
     status, answer = bench.call(3, payload)

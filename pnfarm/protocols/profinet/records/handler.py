@@ -1,4 +1,4 @@
-"""The AR machine's interface for records, and the two handlers that need no device."""
+"""The AR machine's interface for records, and the handler of records without effect."""
 
 from __future__ import annotations
 
@@ -11,12 +11,7 @@ from pnfarm.protocols.profinet.wire.block import split_blocks
 if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.ar import Ar
 
-__all__ = ["KeptRecords", "NoRecords", "RecordHandler"]
-
-#: What a controller writes at start-up and a device without ports to adjust can ignore: PDPortDataCheck,
-#: PDPortDataAdjust, PDInterfaceMrpDataCheck and -Adjust, PDPortMrpDataAdjust, PDNCDataCheck, PDInterfaceAdjust,
-#: PDInterfaceFSUDataAdjust, and two of Siemens' device driver (:mod:`directory`).
-_KEPT = frozenset({0x802B, 0x802F, 0x8051, 0x8052, 0x8053, 0x8070, 0x8071, 0x8090, 0xB050, 0xB060})
+__all__ = ["KeptRecords", "RecordHandler"]
 
 
 class RecordHandler(Protocol):
@@ -34,28 +29,10 @@ class RecordHandler(Protocol):
     ) -> RecordError | None: ...
 
 
-class NoRecords:
-    """An application without any record: every index is invalid."""
-
-    def read(
-        self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
-    ) -> bytes | RecordError:
-        del ar, api, slot, subslot, index, max_length, now
-        return RecordError(AccessError.INVALID_INDEX)
-
-    def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
-        del ar, api, slot, subslot, index, data, now
-        return RecordError(AccessError.INVALID_INDEX)
-
-
 class KeptRecords:
-    """A physical device without data of its own: what a controller writes at start-up is kept and read back.
+    """The records of these indexes have no effect: what a controller writes is kept and read back."""
 
-    The records about a real interface are invalid, and so are those that request IRT.  ``indexes``: others that are
-    kept instead.
-    """
-
-    def __init__(self, indexes: frozenset[int] = _KEPT) -> None:
+    def __init__(self, indexes: frozenset[int]) -> None:
         self._indexes = indexes
         self._kept: dict[tuple[int, int, int], bytes] = {}
 

@@ -67,10 +67,8 @@ def im0_of(description: DeviceDescription, im0: Im0Description | None = None) ->
 class ImRecords:
     """The I&M records of one device.  ``texts`` outlives it: it is read at each access and changed in place."""
 
-    def __init__(
-        self, description: DeviceDescription, plugged: Plugged, texts: MutableMapping[TextKey, bytes] | None = None
-    ) -> None:
-        self.texts: MutableMapping[TextKey, bytes] = {} if texts is None else texts
+    def __init__(self, description: DeviceDescription, plugged: Plugged, texts: MutableMapping[TextKey, bytes]) -> None:
+        self.texts = texts
         self._description = description
         self._plugged = plugged
         self._events: list[ImWritten] = []

@@ -43,9 +43,7 @@ class IoRecords:
     Substitute values are kept as long as the AR that wrote them exists.
     """
 
-    def __init__(
-        self, ars: Callable[[], Iterable[Ar]], io_data: Callable[[int, int, bool], IoData | None] | None = None
-    ) -> None:
+    def __init__(self, ars: Callable[[], Iterable[Ar]], io_data: Callable[[int, int, bool], IoData | None]) -> None:
         self._ars = ars
         self._io_data = io_data
         self._substitutes: dict[tuple[int, ExpectedKey], SubstituteValue] = {}
@@ -61,7 +59,7 @@ class IoRecords:
         # a submodule without data has input data of no length: its provider status
         if not (sub.output_bytes if output else sub.input_bytes or not sub.output_bytes):
             return RecordError(AccessError.INVALID_INDEX)
-        found = self._io_data(sub.slot, sub.subslot, output) if self._io_data else None
+        found = self._io_data(sub.slot, sub.subslot, output)
         if found is None:
             return RecordError(AccessError.STATE_CONFLICT)
         iocs, iops = bytes([found.iocs]), bytes([found.iops])

@@ -141,7 +141,7 @@ class InterfaceFacts:
 
 
 class PhysicalDevice:
-    """The :class:`~pnfarm.protocols.profinet.records.store.RecordHandler` of the PDev records, and the check of ports.
+    """The handler of the PDev records, and the check of ports.
 
     ``submodules``: the DAP's, all of them; ``interface()`` and ``port(subslot)`` give facts, ``neighbours(subslot)``
     those that the port's LLDP agent knows.

@@ -22,7 +22,7 @@ from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.records.diagnosis import diagnosis_record
 from pnfarm.protocols.profinet.records.directory import OWN, Access, Index, Part, Record, Scope, find_record
 from pnfarm.protocols.profinet.records.fsu import FsuRecords
-from pnfarm.protocols.profinet.records.handler import KeptRecords, NoRecords, RecordHandler
+from pnfarm.protocols.profinet.records.handler import KeptRecords
 from pnfarm.protocols.profinet.records.identification import (
     EXPECTED,
     ar_data_record,
@@ -40,9 +40,10 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.cm.ar import Ar, ExpectedKey
     from pnfarm.protocols.profinet.description import DeviceDescription, Plugged
+    from pnfarm.protocols.profinet.records.handler import RecordHandler
     from pnfarm.protocols.profinet.records.im import TextKey
 
-__all__ = ["DeviceRecords", "Index", "IoData", "NoRecords", "RecordHandler", "im0_of", "owned_submodules"]
+__all__ = ["DeviceRecords", "Index", "IoData", "im0_of", "owned_submodules"]
 
 _FIRST_PDEV_SUBSLOT = 0x8000
 #: CMWRR accepts no write here: the parameters are complete, and the application is not ready yet.
@@ -68,8 +69,8 @@ class DeviceRecords:
     """The records of one device, a :class:`RecordHandler`.
 
     ``ars`` gives the present ARs (:attr:`CmDevice.ars`).  ``io_data(slot, subslot, output)`` gives a submodule's
-    cyclic data, or None while there is none.  ``pdev`` answers for the physical device; by default what is written is
-    kept.  ``diagnosis`` and ``log_book`` are the device's, ``texts`` its memory of I&M1 to I&M4 (:attr:`im`).
+    cyclic data, or None while there is none.  ``pdev`` answers for the physical device.  ``texts`` are its memory of
+    I&M1 to I&M4 (:attr:`im`).
     """
 
     def __init__(
@@ -77,16 +78,14 @@ class DeviceRecords:
         description: DeviceDescription,
         plugged: Plugged,
         ars: Callable[[], Iterable[Ar]],
-        application: RecordHandler | None = None,
-        io_data: Callable[[int, int, bool], IoData | None] | None = None,
         *,
-        pdev: RecordHandler | None = None,
-        diagnosis: DiagnosisStore | None = None,
-        log_book: LogBook | None = None,
-        texts: MutableMapping[TextKey, bytes] | None = None,
+        application: RecordHandler,
+        io_data: Callable[[int, int, bool], IoData | None],
+        pdev: RecordHandler,
+        texts: MutableMapping[TextKey, bytes],
     ) -> None:
-        self.diagnosis = diagnosis if diagnosis is not None else DiagnosisStore()
-        self.log_book = log_book if log_book is not None else LogBook()
+        self.diagnosis = DiagnosisStore()
+        self.log_book = LogBook()
         self.im = ImRecords(description, plugged, texts)
         self._own = description.own_records | description.ignored_records
         self._ignored = description.ignored_records
@@ -94,8 +93,8 @@ class DeviceRecords:
         self.ignored = KeptRecords(description.ignored_records)
         self._plugged = plugged
         self._ars = ars
-        self._application: RecordHandler = application if application is not None else NoRecords()
-        self._pdev: RecordHandler = pdev if pdev is not None else KeptRecords()
+        self._application = application
+        self._pdev = pdev
         self._io = IoRecords(ars, io_data)
         self._fsu = FsuRecords(ars)
 

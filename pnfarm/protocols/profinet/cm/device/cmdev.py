@@ -52,7 +52,6 @@ from pnfarm.protocols.profinet.cm.device.plug import CmpbeEvent, CmpbeState, Plu
 from pnfarm.protocols.profinet.cm.device.ready import OutgoingCall, ReadyCalls
 from pnfarm.protocols.profinet.cm.device.records import serve_read, serve_write
 from pnfarm.protocols.profinet.cm.device.states import TRANSITIONS, CmdevEvent
-from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.protocols.profinet.errors import (
     OK,
     CmrpcError,
@@ -80,7 +79,8 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.device.events import CmEvent
     from pnfarm.protocols.profinet.cm.device.modules import Before
     from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription, Plugged, SlotState
-    from pnfarm.protocols.profinet.records.store import RecordHandler
+    from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
+    from pnfarm.protocols.profinet.records.handler import RecordHandler
     from pnfarm.protocols.profinet.rpc.fragments import Peer
     from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq
     from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
@@ -104,8 +104,8 @@ class CmDevice:
         records: RecordHandler,
         *,
         mac: bytes,
-        station_name: str = "",
-        diagnosis: DiagnosisStore | None = None,
+        station_name: str,
+        diagnosis: DiagnosisStore,
     ) -> None:
         self.description = description
         self.plugged = plugged
@@ -123,8 +123,8 @@ class CmDevice:
         self._responses: list[tuple[Hashable, PnioStatus, bytes]] = []
         self._ready = ReadyCalls()
         self.alarms = DeviceAlarms(plugged)
-        self.diagnosis = diagnosis if diagnosis is not None else DiagnosisStore()
-        self._modules = Modules(plugged, self.alarms, self.diagnosis)
+        self.diagnosis = diagnosis
+        self._modules = Modules(plugged, self.alarms, diagnosis)
 
     # state for observers
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from uuid import UUID
 
     from pnfarm.protocols.profinet.cm.ar import Ar
-    from pnfarm.protocols.profinet.records.store import RecordHandler
+    from pnfarm.protocols.profinet.records.handler import RecordHandler
     from pnfarm.protocols.profinet.wire.records.container import ContainerContent
     from pnfarm.protocols.profinet.wire.records.iod import IodWriteReqHeader, RecordWrite
     from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
