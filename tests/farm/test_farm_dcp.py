@@ -16,6 +16,7 @@ from pnfarm.protocols.ip.claim import RECHECK_NS, SPREAD_NS, WAIT_NS
 from pnfarm.protocols.profinet.cm.device.events import RecordWritten
 from pnfarm.protocols.profinet.dcp.client import HelloReceived
 from pnfarm.protocols.profinet.dcp.rules import RESET_CLEARS, HelloMode, Stored
+from pnfarm.protocols.profinet.records.directory import Index
 from pnfarm.protocols.profinet.wire.dcp.blocks import (
     BlockError,
     FullIpSuiteBlock,
@@ -25,7 +26,7 @@ from pnfarm.protocols.profinet.wire.dcp.blocks import (
     ResetToFactoryBlock,
     SignalBlock,
 )
-from pnfarm.protocols.profinet.wire.records.fsu import FSU_DATA_ADJUST_INDEX, FsHello, FsuDataAdjust
+from pnfarm.protocols.profinet.wire.records.fsu import FsHello, FsuDataAdjust
 from pnfarm.protocols.profinet.wire.records.pdev import InterfaceAdjust
 from pnfarm.station.event_log import EventLog
 
@@ -306,7 +307,7 @@ def test_the_fast_start_up_record_rules_over_the_farm_file_until_it_is_reset():
     line = Farm(memory=memory)
     station = line.farm.axes[0]
     record = FsuDataAdjust((FsHello(2, 100, 2, 500),)).emit()
-    station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record, line.world.now)
+    station.device.addressing.record_written(Index.INTERFACE_FSU_DATA_ADJUST, record, line.world.now)
     assert "hello set" in line.events()
     tool = Tool(line)
     station.station.power_cycle(line.world.now)
@@ -325,7 +326,7 @@ def test_a_fast_start_up_record_can_switch_hello_off(mode):
     line = Farm(hello=True)
     station = line.farm.axes[0]
     record = FsuDataAdjust((FsHello(mode, 0xFFFF_FFFF, 0xFFFF_FFFF, 0xFFFF_FFFF),)).emit()
-    station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record, line.world.now)
+    station.device.addressing.record_written(Index.INTERFACE_FSU_DATA_ADJUST, record, line.world.now)
     line.run(1.0)
     tool = Tool(line)
     station.station.power_cycle(line.world.now)
@@ -348,8 +349,8 @@ def test_other_records_and_broken_ones_change_nothing():
     before = station.device.dcp.hello_settings
     record = FsuDataAdjust((FsHello(0, 100, 2, 500),)).emit()
     station.device.addressing.record_written(0x802F, record, line.world.now)
-    station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record[:-1], line.world.now)
-    station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, FsuDataAdjust(()).emit(), line.world.now)
+    station.device.addressing.record_written(Index.INTERFACE_FSU_DATA_ADJUST, record[:-1], line.world.now)
+    station.device.addressing.record_written(Index.INTERFACE_FSU_DATA_ADJUST, FsuDataAdjust(()).emit(), line.world.now)
     assert station.device.dcp.hello_settings == before
     assert line.events().count("fast start-up record not understood") == 1
 

@@ -7,9 +7,9 @@ from scapy.utils import wrpcap
 from wireshark import tshark_fields
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.records.directory import Index
 from pnfarm.protocols.profinet.wire.block import RawBlock
 from pnfarm.protocols.profinet.wire.records.fsu import (
-    FSU_DATA_ADJUST_INDEX,
     FsHello,
     FsuDataAdjust,
     parse_fsu_data_adjust,
@@ -78,7 +78,7 @@ def test_a_broken_record_is_refused_with_the_reason(octets, reason):
 
 def test_wireshark_reads_the_record_as_we_mean_it(tmp_path):
     data = RECORD.emit()
-    header = IodWriteReqHeader(1, NIL_UUID, 0, 0, 0x8000, FSU_DATA_ADJUST_INDEX)
+    header = IodWriteReqHeader(1, NIL_UUID, 0, 0, 0x8000, Index.INTERFACE_FSU_DATA_ADJUST)
     args = emit_request_args(RequestArgs(4096, emit_write_request(header, data)), little_endian=True)
     pdu = RpcPdu(
         PacketType.REQUEST, UUID_PNIO_DEVICE, object_uuid(4, 5, 6), object_uuid(1, 2, 3), opnum=Opnum.WRITE, body=args

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from pnfarm.protocols.profinet.description import SubmoduleDescription
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.lldp.agent import LldpPort, LocalPort, LocalSystem
-from pnfarm.protocols.profinet.records.pdev import InterfaceFacts, PdevIndex, PhysicalDevice
+from pnfarm.protocols.profinet.records.directory import Index
+from pnfarm.protocols.profinet.records.pdev import InterfaceFacts, PhysicalDevice
 from pnfarm.protocols.profinet.records.pdev_checks import CheckFailed, CheckPassed, PortCounters, PortFacts
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.block import RawBlock, split_blocks
@@ -150,7 +151,7 @@ def test_the_record_of_a_real_controller_is_taken_and_renames_us():
             if call.opnum == 3 and call.request:
                 for write in iod.parse_write_request(call.payload).writes:
                     index, subslot = write.header.index, write.header.subslot
-                    if PhysicalDevice.handles(0, subslot, index):
+                    if PhysicalDevice.handles(subslot, index):
                         assert bench.write(index, write.data, subslot) is None, hex(index)
                         assert bench.read(index, subslot) == write.data
     assert bench.device.name_mode is NameMode.PORT_AND_STATION
@@ -223,13 +224,13 @@ def test_a_wrong_write_is_refused_and_changes_nothing(index, subslot, data, erro
 
 def test_it_handles_the_physical_devices_records_and_no_others():
     handles = PhysicalDevice.handles
-    assert all(handles(0, 0x8001, index) for index in (0x802A, 0x802B, 0x802F, 0x8053, 0x8072))
-    assert all(handles(0, 0x8000, index) for index in (0x8051, 0x8052, 0x8070, 0x8071, 0x8080, 0x8090))
-    assert handles(0, 0, PdevIndex.REAL_DATA)
-    assert handles(0, 0, PdevIndex.EXPECTED_DATA)
-    assert not handles(0, 0x8001, 0xAFF0)
-    assert not handles(1, 2, 0x802A)
-    assert not handles(0, 0x8000, 0xB02E)
+    assert all(handles(0x8001, index) for index in (0x802A, 0x802B, 0x802F, 0x8053, 0x8072))
+    assert all(handles(0x8000, index) for index in (0x8051, 0x8052, 0x8070, 0x8071, 0x8080, 0x8090))
+    assert handles(0, Index.PD_REAL_DATA)
+    assert handles(0, Index.PD_EXPECTED_DATA)
+    assert not handles(0x8001, 0xAFF0)
+    assert not handles(2, 0x802A)
+    assert not handles(0x8000, 0xB02E)
 
 
 @given(st.integers(0, 0xFFFF), st.integers(0, 0xFFFF), st.integers(0, 0xFFFF), st.binary(max_size=120))

@@ -26,7 +26,8 @@ from pnfarm.protocols.profinet.dcp.rules import (
     SignalEnded,
     router_of,
 )
-from pnfarm.protocols.profinet.wire.records.fsu import FSU_DATA_ADJUST_INDEX, parse_fsu_data_adjust
+from pnfarm.protocols.profinet.records.directory import Index
+from pnfarm.protocols.profinet.wire.records.fsu import parse_fsu_data_adjust
 from pnfarm.station import events as happened
 from pnfarm.station.events import StartUpPhase
 
@@ -127,7 +128,7 @@ class StationAddress:
 
     def record_written(self, index: int, data: bytes, now: int) -> None:
         """A record of the interface was accepted: that of fast start-up decides whether Hello is sent from now on."""
-        if index != FSU_DATA_ADJUST_INDEX:
+        if index != Index.INTERFACE_FSU_DATA_ADJUST:
             return
         try:
             hello = parse_fsu_data_adjust(data).hello

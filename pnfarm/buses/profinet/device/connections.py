@@ -148,7 +148,7 @@ class StationConnections:
                 if index in self._station.description.ignored_records:
                     self._station.note(now, happened.IsochronousIgnored(slot, subslot, index))
                 self._station.addressing.record_written(index, data, now)
-                if self._station.neighbours.pdev.handles(slot, subslot, index):
+                if self._station.neighbours.pdev.handles(subslot, index):
                     self._station.keep(
                         now,
                         "pdev",

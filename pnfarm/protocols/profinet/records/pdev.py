@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
+from pnfarm.protocols.profinet.records.directory import Index
 from pnfarm.protocols.profinet.records.pdev_checks import (
     ChannelErrorType,
     CheckFailed,
@@ -72,7 +73,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.records.pdev_checks import PortFacts
     from pnfarm.protocols.profinet.wire.block import RawBlock
 
-__all__ = ["MOST_OCTETS", "InterfaceFacts", "PdevIndex", "PhysicalDevice"]
+__all__ = ["MOST_OCTETS", "InterfaceFacts", "PhysicalDevice", "is_pdev_subslot"]
 
 #: Octets of the longest record that is kept: PDExpectedData has those of a submodule in one block (assumed: the
 #: standard leaves the limit to the device).
@@ -84,48 +85,28 @@ _EVERY_COUNTER_INVALID = 0x3F
 _NO_PEER = (ChannelErrorType.REMOTE_MISMATCH, RemoteMismatch.NO_PEER_DETECTED)
 
 
-class PdevIndex:
-    """Record indexes of the physical device."""
-
-    PORT_DATA_REAL = 0x802A
-    PORT_DATA_CHECK = 0x802B
-    PORT_DATA_ADJUST = 0x802F
-    INTERFACE_MRP_DATA_CHECK = 0x8051
-    INTERFACE_MRP_DATA_ADJUST = 0x8052
-    PORT_MRP_DATA_ADJUST = 0x8053
-    NC_DATA_CHECK = 0x8070
-    INTERFACE_ADJUST = 0x8071
-    PORT_STATISTIC = 0x8072
-    INTERFACE_DATA_REAL = 0x8080
-    INTERFACE_FSU_DATA_ADJUST = 0x8090
-    PLL_CONTROL = 0xB050
-    TRACE_UNIT = 0xB060
-    REAL_DATA = 0xF841
-    EXPECTED_DATA = 0xF842
-
-
 #: Records that a controller may write, with the block that each must be.
 _PORT_WRITABLE = {
-    PdevIndex.PORT_DATA_CHECK: PdevBlockType.PORT_DATA_CHECK,
-    PdevIndex.PORT_DATA_ADJUST: PdevBlockType.PORT_DATA_ADJUST,
-    PdevIndex.PORT_MRP_DATA_ADJUST: PdevBlockType.PORT_MRP_DATA_ADJUST,
-    PdevIndex.TRACE_UNIT: PdevBlockType.TRACE_UNIT,
+    Index.PORT_DATA_CHECK: PdevBlockType.PORT_DATA_CHECK,
+    Index.PORT_DATA_ADJUST: PdevBlockType.PORT_DATA_ADJUST,
+    Index.PORT_MRP_DATA_ADJUST: PdevBlockType.PORT_MRP_DATA_ADJUST,
+    Index.TRACE_UNIT: PdevBlockType.TRACE_UNIT,
 }
 _INTERFACE_WRITABLE = {
-    PdevIndex.INTERFACE_MRP_DATA_CHECK: PdevBlockType.INTERFACE_MRP_DATA_CHECK,
-    PdevIndex.INTERFACE_MRP_DATA_ADJUST: PdevBlockType.INTERFACE_MRP_DATA_ADJUST,
-    PdevIndex.NC_DATA_CHECK: PdevBlockType.NC_DATA_CHECK,
-    PdevIndex.INTERFACE_ADJUST: PdevBlockType.INTERFACE_ADJUST,
-    PdevIndex.INTERFACE_FSU_DATA_ADJUST: PdevBlockType.INTERFACE_FSU_DATA_ADJUST,
-    PdevIndex.PLL_CONTROL: PdevBlockType.PLL_CONTROL,
+    Index.INTERFACE_MRP_DATA_CHECK: PdevBlockType.INTERFACE_MRP_DATA_CHECK,
+    Index.INTERFACE_MRP_DATA_ADJUST: PdevBlockType.INTERFACE_MRP_DATA_ADJUST,
+    Index.NC_DATA_CHECK: PdevBlockType.NC_DATA_CHECK,
+    Index.INTERFACE_ADJUST: PdevBlockType.INTERFACE_ADJUST,
+    Index.INTERFACE_FSU_DATA_ADJUST: PdevBlockType.INTERFACE_FSU_DATA_ADJUST,
+    Index.PLL_CONTROL: PdevBlockType.PLL_CONTROL,
 }
 #: Written and read back, but not part of PDExpectedData.
-_NOT_EXPECTED = frozenset({PdevIndex.PLL_CONTROL, PdevIndex.TRACE_UNIT})
-_PORT_READABLE = frozenset({*_PORT_WRITABLE, PdevIndex.PORT_DATA_REAL, PdevIndex.PORT_STATISTIC})
-_INTERFACE_READABLE = frozenset({*_INTERFACE_WRITABLE, PdevIndex.INTERFACE_DATA_REAL, PdevIndex.PORT_STATISTIC})
-_DEVICE_READABLE = frozenset({PdevIndex.REAL_DATA, PdevIndex.EXPECTED_DATA})
+_NOT_EXPECTED = frozenset({Index.PLL_CONTROL, Index.TRACE_UNIT})
+_PORT_READABLE = frozenset({*_PORT_WRITABLE, Index.PORT_DATA_REAL, Index.PORT_STATISTIC})
+_INTERFACE_READABLE = frozenset({*_INTERFACE_WRITABLE, Index.INTERFACE_DATA_REAL, Index.PORT_STATISTIC})
+_DEVICE_READABLE = frozenset({Index.PD_REAL_DATA, Index.PD_EXPECTED_DATA})
 #: PDPortDataCheck and -Adjust have a header that names their submodule.
-_ADDRESSED = frozenset({PdevIndex.PORT_DATA_CHECK, PdevIndex.PORT_DATA_ADJUST})
+_ADDRESSED = frozenset({Index.PORT_DATA_CHECK, Index.PORT_DATA_ADJUST})
 _FIRST_SUBSLOT = 0x8000
 _LAST_SUBSLOT = 0x8FFF
 
@@ -174,9 +155,8 @@ class PhysicalDevice:
         return tuple(sorted(subslot for _, subslot in self._submodules if not is_interface(subslot)))
 
     @staticmethod
-    def handles(slot: int, subslot: int, index: int) -> bool:
+    def handles(subslot: int, index: int) -> bool:
         """Whether a record is the physical device's: by its index, and by its submodule where it has one."""
-        del slot
         if index in _DEVICE_READABLE:
             return True
         return is_pdev_subslot(subslot) and index in _PORT_READABLE | _INTERFACE_READABLE
@@ -189,9 +169,9 @@ class PhysicalDevice:
         """The record's octets, empty for one that was never written; or the error."""
         del ar, now
         match index:
-            case PdevIndex.REAL_DATA:
+            case Index.PD_REAL_DATA:
                 answer = b"".join(self._real(place) for place in sorted(self._submodules))
-            case PdevIndex.EXPECTED_DATA:
+            case Index.PD_EXPECTED_DATA:
                 answer = b"".join(self._expected(place) for place in sorted(self._submodules))
             case _:
                 place = (slot, subslot)
@@ -205,20 +185,19 @@ class PhysicalDevice:
 
     def _read(self, place: tuple[int, int], index: int) -> bytes:
         match index:
-            case PdevIndex.PORT_DATA_REAL:
+            case Index.PORT_DATA_REAL:
                 return self._port_data_real(*place).emit()
-            case PdevIndex.INTERFACE_DATA_REAL:
+            case Index.INTERFACE_DATA_REAL:
                 return self._interface_data_real().emit()
-            case PdevIndex.PORT_STATISTIC:
+            case Index.PORT_STATISTIC:
                 return self._statistic(place).emit()
         return self.written.get((*place, index), b"")
 
-    def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
+    def write(
+        self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, data: bytes, now: int
+    ) -> RecordError | None:
         """None when the record was accepted, else the error."""
         del ar
-        return self._write(api, slot, subslot, index, data, now)
-
-    def _write(self, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         place = (slot, subslot)
         found = self._submodules.get(place)
         if index in _DEVICE_READABLE:
@@ -244,7 +223,7 @@ class PhysicalDevice:
         """Check one record and apply it.  Raises :class:`DecodeError` for one of another shape."""
         if block.block_type != wanted or block.version_high != VERSION_1_0 >> 8:
             return RecordError(AccessError.INVALID_PARAMETER)
-        if index == PdevIndex.INTERFACE_ADJUST:
+        if index == Index.INTERFACE_ADJUST:
             self.name_mode = NameMode(InterfaceAdjust.of(block).multiple_interface_mode & 1)
         elif index in _ADDRESSED:
             checked = wanted == PdevBlockType.PORT_DATA_CHECK
@@ -269,7 +248,7 @@ class PhysicalDevice:
         left_out = []
         for (slot, subslot, index), data in written.items():
             found = self._submodules.get((slot, subslot))
-            if found is None or self._write(found.api, slot, subslot, index, data, now) is not None:
+            if found is None or self.write(None, found.api, slot, subslot, index, data, now) is not None:
                 left_out.append(f"kept record 0x{index:04X} of slot {slot} subslot 0x{subslot:04X} does not fit")
         return left_out
 
@@ -333,8 +312,8 @@ class PhysicalDevice:
         )
 
     def _real(self, place: tuple[int, int]) -> bytes:
-        kind = PdevIndex.INTERFACE_DATA_REAL if is_interface(place[1]) else PdevIndex.PORT_DATA_REAL
-        return self._multiple(place, (self._read(place, kind), self._read(place, PdevIndex.PORT_STATISTIC)))
+        kind = Index.INTERFACE_DATA_REAL if is_interface(place[1]) else Index.PORT_DATA_REAL
+        return self._multiple(place, (self._read(place, kind), self._read(place, Index.PORT_STATISTIC)))
 
     def _expected(self, place: tuple[int, int]) -> bytes:
         return self._multiple(

@@ -32,6 +32,7 @@ from pnfarm.protocols.profinet.records.identification import (
 from pnfarm.protocols.profinet.records.im import ImRecords, im0_of
 from pnfarm.protocols.profinet.records.io import IoData, IoRecords
 from pnfarm.protocols.profinet.records.log_book import LogBook
+from pnfarm.protocols.profinet.records.pdev import is_pdev_subslot
 from pnfarm.protocols.profinet.wire.records.container import parse_container
 from pnfarm.protocols.profinet.wire.records.iod import INDEX_MULTIPLE_WRITE
 
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DeviceRecords", "Index", "IoData", "im0_of", "owned_submodules"]
 
-_FIRST_PDEV_SUBSLOT = 0x8000
 #: CMWRR accepts no write here: the parameters are complete, and the application is not ready yet.
 _NO_WRITES = frozenset({
     CmdevState.W_CIND,
@@ -200,7 +200,7 @@ class DeviceRecords:
         elif record.scope is Scope.SUBSLOT:
             if self._plugged.submodule(*key) is None:
                 return RecordError(AccessError.INVALID_SLOT_SUBSLOT)
-            if record.part is Part.PDEV and subslot < _FIRST_PDEV_SUBSLOT:
+            if record.part is Part.PDEV and not is_pdev_subslot(subslot):
                 return RecordError(AccessError.INVALID_INDEX)
         return None
 

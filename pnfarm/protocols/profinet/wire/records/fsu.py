@@ -11,16 +11,12 @@ from pnfarm.protocols.profinet.wire.block import VERSION_1_0, Block, Blocks, Blo
 from pnfarm.wire.layout import Outside, Pad, UInt32, Uuid
 
 __all__ = [
-    "FSU_DATA_ADJUST_INDEX",
     "ArFsuDataAdjust",
     "FsHello",
     "FsParameter",
     "FsuDataAdjust",
     "parse_fsu_data_adjust",
 ]
-
-#: Record index of PDInterfaceFSUDataAdjust.
-FSU_DATA_ADJUST_INDEX = 0x8090
 
 
 class FsHello(Block, types=0x0600, inner=True):
