@@ -277,18 +277,9 @@ class DcpDevice:
             self._events.append(SignalEnded())
 
     def _say_hello(self) -> None:
-        # in the order of DCP-Hello-ReqPDU
-        blocks: list[Block] = [
-            NameBlock(self.name),
-            self._ip_parameter(),
-            DeviceIdBlock(self.identity.vendor_id, self.identity.device_id),
-        ]
-        if self.identity.oem is not None:
-            blocks.append(OemDeviceIdBlock(*self.identity.oem))
-        blocks += [self._options(), DeviceRoleBlock(self.identity.role), self._initiative()]
         self._hello_xid = (self._hello_xid + 1) & 0xFFFF_FFFF
         frame_id = frame_id_of(SERVICE_HELLO, TYPE_REQUEST)
-        pdu = DcpPdu(frame_id, SERVICE_HELLO, TYPE_REQUEST, self._hello_xid, tuple(blocks))
+        pdu = DcpPdu(frame_id, SERVICE_HELLO, TYPE_REQUEST, self._hello_xid, self._blocks(_HELLO))
         self._outbox.append(self._frame(HELLO_MULTICAST, pdu))
 
     # -- Identify ----------------------------------------------------------------------------------------------------
@@ -319,28 +310,18 @@ class DcpDevice:
             None if alias is None else alias.alias,
         )  # fmt: skip
         if self._last_answer[0] != state:
-            blocks = self._identify_blocks()
-            blocks += [] if alias is None else [AliasBlock(alias.alias)]
-            self._last_answer = state, self._response(asker, request, tuple(blocks))
+            blocks = self._blocks(_IDENTIFIED)
+            if self.hello_settings.mode is not HelloMode.OFF:
+                blocks += (self._initiative(),)
+            if alias is not None:
+                blocks += (AliasBlock(alias.alias),)
+            self._last_answer = state, self._response(asker, request, blocks)
         frame = self._last_answer[1]
         return asker + frame[6:_XID] + request.xid.to_bytes(4, "big") + frame[_XID + 4 :]
 
-    def _identify_blocks(self) -> list[Block]:
-        identity = self.identity
-        blocks: list[Block] = [
-            NameBlock(self.name),
-            self._ip_parameter(),
-            StationTypeBlock(identity.station_type),
-            DeviceIdBlock(identity.vendor_id, identity.device_id),
-            DeviceRoleBlock(identity.role),
-            self._options(),
-            DeviceInstanceBlock(*identity.instance),
-        ]
-        if identity.oem is not None:
-            blocks.append(OemDeviceIdBlock(*identity.oem))
-        if self.hello_settings.mode is not HelloMode.OFF:
-            blocks.append(self._initiative())
-        return blocks
+    def _blocks(self, wanted: tuple[OptionId, ...]) -> tuple[Block, ...]:
+        """Those that the device has."""
+        return tuple(block for option_id in wanted if (block := _GETTERS[option_id](self)) is not None)
 
     # -- Get and Set -------------------------------------------------------------------------------------------------
 
@@ -523,6 +504,15 @@ _GETTERS: dict[OptionId, Callable[[DcpDevice], Block | None]] = {
     StandardGatewayBlock.ID: lambda _device: StandardGatewayBlock(0),
     DeviceInitiativeBlock.ID: DcpDevice._initiative,  # noqa: SLF001  # as above
 }
+#: What a device says of itself, in the order of DCP-Hello-ReqPDU and of its answer to Identify.
+_HELLO = (
+    NameBlock.ID, IpParameterBlock.ID, DeviceIdBlock.ID, OemDeviceIdBlock.ID, DeviceOptionsBlock.ID,
+    DeviceRoleBlock.ID, DeviceInitiativeBlock.ID,
+)  # fmt: skip
+_IDENTIFIED = (
+    NameBlock.ID, IpParameterBlock.ID, StationTypeBlock.ID, DeviceIdBlock.ID, DeviceRoleBlock.ID,
+    DeviceOptionsBlock.ID, DeviceInstanceBlock.ID, OemDeviceIdBlock.ID,
+)  # fmt: skip
 
 
 def _unsupported(option_id: OptionId) -> BlockError:
