@@ -387,9 +387,7 @@ class CmControllerMachine(Machine):
         if kind == 0xFF:
             machine.receive_rta(payload, self.station.port.mac, self.now)
         elif kind < 4:
-            machine.receive_call(
-                CallKey(PEER, UUID(int=self.calls), 0), rng.choice((4, 4, 0, 9)), payload, Peer(PEER, 49152), self.now
-            )
+            machine.receive_call(CallKey(PEER, UUID(int=self.calls), 0), rng.choice((4, 4, 0, 9)), payload, self.now)
         else:
             machine.read_record(object(), 0x3A00, 1, 1, 47, 4096)
             keys = [call.key for call in machine.calls(self.now)] or [0, 1, 2]

@@ -82,7 +82,7 @@ class Pair:
     def _carry_ready(self) -> bool:
         calls = self.device.calls()
         for call in calls:
-            self.controller.receive_call(call.token, call.opnum, call.payload, None, self.now)
+            self.controller.receive_call(call.token, call.opnum, call.payload, self.now)
             for key, status, payload in self.controller.responses():
                 self.device.call_returned(key, status, payload, self.now)
         return bool(calls)

@@ -166,7 +166,7 @@ class Line:
     def ready(self, payload: bytes | None = None, opnum: int = Opnum.CONTROL) -> list[tuple[object, PnioStatus, bytes]]:
         """The device's ApplicationReady; the controller's answers to it."""
         sent = ready_payload(self.controller.plan) if payload is None else payload
-        self.controller.receive_call("call", opnum, sent, None, self.now)
+        self.controller.receive_call("call", opnum, sent, self.now)
         return self.controller.responses()
 
     def start(self) -> list[CmctlEvent]:

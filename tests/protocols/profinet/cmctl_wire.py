@@ -154,7 +154,7 @@ class Wire:
         moved = False
         for call in self.device.calls():
             end = next(e for e in self.ends if e.peer.ip == call.peer_ip)
-            end.machine.receive_call(call.token, call.opnum, call.payload, None, self.now)
+            end.machine.receive_call(call.token, call.opnum, call.payload, self.now)
             moved = True
         for end in self.ends:
             for token, status, payload in end.machine.responses():

@@ -126,7 +126,7 @@ def test_a_recorded_device_is_started_with_the_octets_of_the_recorded_controller
             ours = [b for b in parse_blocks(call.payload) if not isinstance(b, IocrBlockReq)]
             assert [b for b in ours if b not in parse_blocks(payload)] == []
         controller.call_returned(call.key, status, answer, 0)
-    controller.receive_call("ready", ready_opnum, ready, None, 0)
+    controller.receive_call("ready", ready_opnum, ready, 0)
     assert controller.responses() == [("ready", ready_status, ready_answer)]
     assert controller.state is CmctlState.DATA
     events = controller.events()
@@ -142,7 +142,7 @@ def test_the_substitutes_that_a_recorded_drive_names_are_reported_as_text() -> N
     for _, status, answer in responses[:-1]:
         (call,) = controller.calls(0)
         controller.call_returned(call.key, status, answer, 0)
-    controller.receive_call("ready", *requests[-1], None, 0)
+    controller.receive_call("ready", *requests[-1], 0)
     connected, ready = (e for e in controller.events() if isinstance(e, Connected | ApplicationReadyReceived))
     assert connected.module_diff == ready.module_diff
     assert [d.text for d in ready.module_diff] == [

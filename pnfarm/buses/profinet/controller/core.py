@@ -337,7 +337,7 @@ class ProfinetCore(SessionCore[DeviceSession]):
                 status = pnio_error(ErrorCode.CONTROL, ConnectFault.CMRPC, CmrpcError.AR_UUID_UNKNOWN)
                 self.rpc.respond(request.call, status, b"", now)
                 continue
-            session.machine.receive_call(request.call, request.opnum, request.payload, request.peer, now)
+            session.machine.receive_call(request.call, request.opnum, request.payload, now)
             self.life.touch(session)
         answers = self.client.events()
         for answer in answers:

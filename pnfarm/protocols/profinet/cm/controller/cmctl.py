@@ -230,12 +230,11 @@ class CmController:
         """Call ``key`` ended without a PNIOStatus: silence, reject, fault."""
         self._returned(key, Answer(None, reason=reason), now)
 
-    def receive_call(self, call: Any, opnum: int, payload: bytes, peer: Any, now: int) -> None:
+    def receive_call(self, call: Any, opnum: int, payload: bytes, now: int) -> None:
         """A call of the device to the controller's interface.  ``call`` comes back in :meth:`responses`.
 
-        ``peer`` is not used: the AR UUID and the session key identify the AR.
+        The AR UUID and the session key identify the AR, whoever calls.
         """
-        del peer
         try:
             content = response.check_ready(self.plan, opnum, payload)
         except response.CallRefusedError as exc:
@@ -278,7 +277,7 @@ class CmController:
             self._events.append(event)
             if isinstance(event, ParametersEnded) and event.code is not None:
                 self.abort(now, event.code, event.reason)
-        self._responses += self._submodules.responses()
+        self._responses += self._submodules.rounds.responses()
 
     # Ends of calls
 
@@ -293,7 +292,7 @@ class CmController:
         self._ENDED[pending.kind](self, pending, answer, now)
 
     def _round_ended(self, pending: Pending, answer: Answer, now: int) -> None:
-        self._submodules.call_ended(pending, answer, now)
+        self._submodules.rounds.call_ended(pending, answer, now)
         self._take_submodules(now)
 
     def _connect_ended(self, _pending: Pending, answer: Answer, now: int) -> None:

@@ -18,14 +18,12 @@ from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
 if TYPE_CHECKING:
     from collections import Counter
     from collections.abc import Iterable
-    from typing import Any
 
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey
-    from pnfarm.protocols.profinet.cm.controller.calls import Answer, CallQueue, Pending
+    from pnfarm.protocols.profinet.cm.controller.calls import CallQueue
     from pnfarm.protocols.profinet.cm.controller.events import RecordWriteDone, Timeouts
     from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
     from pnfarm.protocols.profinet.cm.controller.response import ModuleDeviation
-    from pnfarm.protocols.profinet.errors import PnioStatus
     from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification
 
     _Event = ApplicationReadyReceived | ParametersEnded | SubmodulesChanged | RecordWriteDone
@@ -96,9 +94,6 @@ class ControllerSubmodules:
         keys = self._keys if wanted is None else tuple(wanted)
         return self.rounds.begin(tuple(key for key in keys if wanted is not None or key not in self._why))
 
-    def call_ended(self, pending: Pending, answer: Answer, now: int) -> None:
-        self.rounds.call_ended(pending, answer, now)
-
     # what follows
 
     def events(self) -> list[_Event]:
@@ -117,9 +112,6 @@ class ControllerSubmodules:
             self._reported = dict(self._why)
             out.append(SubmodulesChanged(self._reported))
         return out
-
-    def responses(self) -> list[tuple[Any, PnioStatus, bytes]]:
-        return self.rounds.responses()
 
     def _round_ended(self, event: RoundEnded) -> None:
         for key in event.keys:
