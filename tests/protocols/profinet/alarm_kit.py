@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from pnfarm.protocols.profinet.alarms.channel import AlarmChannel, AlarmEvent, AlarmFailed, AlarmReceived
+from pnfarm.protocols.profinet.alarms.channel import (
+    AlarmAcknowledged,
+    AlarmChannel,
+    AlarmEvent,
+    AlarmFailed,
+    AlarmReceived,
+)
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmNotification
 from pnfarm.protocols.profinet.wire.alarms.rta import RtaPdu, parse_rta
 
@@ -29,6 +35,12 @@ def controller_end(**options: object) -> AlarmChannel:
 def sent(channel: AlarmChannel, now: int = 0) -> list[RtaPdu]:
     """What the channel sends, parsed."""
     return [parse_rta(octets) for _, octets in channel.to_send(now)]
+
+
+def unfinished(channel: AlarmChannel) -> tuple[int, int]:
+    """Alarms without their AlarmAck, and those that wait for them."""
+    lines = (channel._high, channel._low)
+    return sum(line.outstanding is not None for line in lines), sum(len(line.queue) for line in lines)
 
 
 @dataclass
@@ -82,6 +94,11 @@ class Pair:
                 channel.handle_timeout(self.now)
             self.run()
         self.now = until
+
+    def confirmed(self, name: str = "device") -> int:
+        """Alarms that the other end acknowledged."""
+        events = self.device_events if name == "device" else self.controller_events
+        return sum(isinstance(event, AlarmAcknowledged) for event in events)
 
     def received(self, name: str = "controller") -> list[AlarmNotification]:
         events = self.controller_events if name == "controller" else self.device_events

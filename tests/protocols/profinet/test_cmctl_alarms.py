@@ -63,8 +63,6 @@ def test_an_alarm_is_acknowledged_at_once_and_reported_as_text() -> None:
     assert all(event.status == OK for event in done)
     assert up.controller.next_deadline() is None
     assert not up.controller.dropped
-    assert up.controller.alarms is not None
-    assert up.controller.alarms.counts.received == 3
 
 
 def test_an_owner_may_answer_alarms_itself() -> None:

@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.alarms.events import (
     AlarmAcknowledged,
-    AlarmCounts,
     AlarmEvent,
     AlarmFailed,
     AlarmReceived,
@@ -55,7 +54,6 @@ if TYPE_CHECKING:
 __all__ = [
     "AlarmAcknowledged",
     "AlarmChannel",
-    "AlarmCounts",
     "AlarmEvent",
     "AlarmFailed",
     "AlarmReceived",
@@ -105,18 +103,6 @@ class AlarmChannel:
     def is_open(self) -> bool:
         """It has not failed, been aborted or closed."""
         return self._open
-
-    @property
-    def counts(self) -> AlarmCounts:
-        lines = (self._high, self._low)
-        return AlarmCounts(
-            sent=sum(line.sent for line in lines),
-            acknowledged=sum(line.acknowledged for line in lines),
-            received=sum(line.received for line in lines),
-            repeated=sum(line.repeated for line in lines),
-            outstanding=sum(line.outstanding is not None for line in lines),
-            queued=sum(len(line.queue) for line in lines),
-        )
 
     def outstanding(self, *, high: bool) -> tuple[int, AlarmNotification] | None:
         """Handle and alarm, as it was sent, whose AlarmAck is awaited in this priority."""

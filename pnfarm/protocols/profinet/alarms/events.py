@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AlarmAcknowledged",
-    "AlarmCounts",
     "AlarmEvent",
     "AlarmFailed",
     "AlarmReceived",
@@ -66,19 +65,3 @@ class PeerAborted:
 
 
 AlarmEvent = AlarmReceived | AlarmAcknowledged | AlarmFailed | PeerAborted
-
-
-@dataclass(frozen=True, slots=True)
-class AlarmCounts:
-    """Counters of both priorities together.
-
-    ``sent``, ``acknowledged`` and ``received`` count alarms, ``repeated`` DATA-RTA-PDUs sent again; ``outstanding`` are
-    alarms without their AlarmAck, ``queued`` those that wait for them.
-    """
-
-    sent: int
-    acknowledged: int
-    received: int
-    repeated: int
-    outstanding: int
-    queued: int

@@ -119,7 +119,6 @@ class AlarmLine:
         self.last_received = FIRST_ACK
         #: SendSeqNum of the peer's first ACK.
         self.first_ack_send: int | None = None
-        self.sent = self.acknowledged = self.received = self.repeated = 0
         self._settings = settings
         self._owner = owner
         self._alarm_sequence = 0
@@ -160,7 +159,6 @@ class AlarmLine:
         self.queue.clear()
         if self.notification_under_way and self._outstanding is not None:
             found.insert(0, self._outstanding)
-            self.sent -= 1
             self._step("apms", Sign.WITHDRAW, None, now)
             self._step("alpmi", Sign.WITHDRAW, None, now)
         return found
@@ -274,7 +272,6 @@ class AlarmLine:
     def _repeat_data(self, _detail: None, now: int) -> None:
         assert self._under_way is not None
         self._under_way.retries_left -= 1
-        self.repeated += 1
         self.deadline = now + self._settings.timeout_ns
         self._owner.put(self._under_way.pdu)
 
@@ -324,7 +321,6 @@ class AlarmLine:
         self._alarm_sequence = (self._alarm_sequence + 1) & SEQUENCE_MASK
         alarm = replace(alarm, specifier=specifier, high=self.high)
         self._outstanding = Queued(queued.handle, alarm)
-        self.sent += 1
         self._step("apms", Sign.DATA_REQ, ("alpmi", alarm.emit()), now)
 
     def _confirm_alarm(self, ack: AlarmAck, _now: int) -> None:
@@ -332,7 +328,6 @@ class AlarmLine:
         handle, alarm = self._outstanding.handle, self._outstanding.alarm
         self._outstanding = None
         if ack.answers(alarm):
-            self.acknowledged += 1
             self._owner.report(AlarmAcknowledged(handle, alarm, ack.status))
         else:
             self._owner.fail(RtaError.ALARM_IND_ERROR, "an AlarmAck that answers another alarm")
@@ -344,7 +339,6 @@ class AlarmLine:
 
     def _indicate_alarm(self, alarm: AlarmNotification, _now: int) -> None:
         self._taken = alarm
-        self.received += 1
         self._owner.report(AlarmReceived(alarm))
 
     def _keep_ack(self, ack: AlarmAck, _now: int) -> None:
