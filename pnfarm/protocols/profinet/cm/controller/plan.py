@@ -17,12 +17,10 @@ from pnfarm.protocols.profinet.wire.cm.iocr import (
     IOCR_TAG_HEADER,
     RtClass,
 )
-from pnfarm.protocols.profinet.wire.frame_id import RT_UDP_UNICAST, RTC1_UNICAST
 from pnfarm.protocols.profinet.wire.rpc.pdu import object_uuid
-from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable
     from uuid import UUID
 
     from pnfarm.protocols.profinet.wire.alarms.texts import DiagnosisTexts
@@ -32,16 +30,7 @@ __all__ = ["MAX_SLOT", "ArPlan", "Clock", "ParameterRecord", "PlannedSubmodule",
 #: SendClockFactor and ReductionRatio.
 Clock = tuple[int, int]
 
-#: Frame ids of unicast cyclic data by the RT class that IOCRProperties names.
-FRAME_IDS: dict[int, range] = {RtClass.CLASS_1: RT_UDP_UNICAST, RtClass.CLASS_2: RTC1_UNICAST}
-
 MAX_SLOT = 0x7FFF
-MAX_SUBSLOT = 0x9FFF
-#: From here on subslots are interfaces and ports.
-FIRST_INTERFACE_SUBSLOT = 0x8000
-
-#: Longest time without data that RT classes 1 and 2 allow, nanoseconds.
-MAX_HOLD_NS = 1_920_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,64 +165,9 @@ class ArPlan:
         return object_uuid(self.instance, self.device_id, self.vendor_id)
 
     @property
-    def cycle_ns(self) -> int:
-        """Time between two frames of a CR of the AR's clock, nanoseconds."""
-        return SEND_CLOCK_NS * self.send_clock_factor * self.reduction_ratio
-
-    @property
     def hold_factor(self) -> int:
         return self.watchdog_factor if self.data_hold_factor is None else self.data_hold_factor
-
-    def problems(self) -> list[str]:
-        """Messages about values outside of the standard's ranges, for which a device may refuse the Connect.
-
-        The ranges are those of IEC 61158-6-10 for ARBlockReq, IOCRBlockReq and AlarmCRBlockReq.  A plan with problems
-        can still be sent, to test how a device refuses it.
-        """
-        return list(_problems(self))
 
 
 def ordered(submodules: Iterable[PlannedSubmodule]) -> tuple[PlannedSubmodule, ...]:
     return tuple(sorted(submodules, key=lambda s: (s.api, s.slot, s.subslot)))
-
-
-def _problems(plan: ArPlan) -> Iterator[str]:
-    hold_ns = plan.cycle_ns * plan.hold_factor
-    for name, value, lowest, highest in (
-        ("session_key", plan.session_key, 0, 0xFFFF),
-        ("activity_timeout_factor", plan.activity_timeout_factor, 1, 1000),
-        ("reduction_ratio", plan.reduction_ratio, 1, 512),
-        ("phase", plan.phase, 1, plan.reduction_ratio),
-        ("watchdog_factor", plan.watchdog_factor, 1, 0x1E00),
-        ("data_hold_factor", plan.hold_factor, 1, 0x1E00),
-        ("rta_timeout_factor", plan.rta_timeout_factor, 1, 100),
-        ("rta_retries", plan.rta_retries, 3, 15),
-        ("max_alarm_data_length", plan.max_alarm_data_length, 200, 1432),
-        ("length of controller_name", len(plan.controller_name), 1, 240),
-    ):
-        if not lowest <= value <= highest:
-            yield f"{name} is {value}, allowed are {lowest} to {highest}"
-    if plan.send_clock_factor not in {1, 2, 4, 8, 16, 32, 64, 128}:
-        yield f"send_clock_factor is {plan.send_clock_factor}, allowed are powers of two up to 128"
-    if plan.send_clock_factor * plan.reduction_ratio > 128 * 128:
-        yield f"the cycle is {plan.cycle_ns / 1e9:g} s, at most 0.512 s is possible"
-    if hold_ns > MAX_HOLD_NS:
-        yield f"data would be missed only after {hold_ns / 1e9:g} s, at most 1.92 s is possible"
-    for submodule in plan.sorted_submodules:
-        if submodule.slot > MAX_SLOT or not 0 < submodule.subslot <= MAX_SUBSLOT:
-            yield f"{submodule.where} does not exist, slots end at {MAX_SLOT} and subslots at 0x{MAX_SUBSLOT:04X}"
-        if submodule.module_ident == 0:
-            yield f"{submodule.where} expects module ident 0, which no module has"
-        if submodule.api and submodule.subslot >= FIRST_INTERFACE_SUBSLOT:
-            yield f"{submodule.where} is in API 0x{submodule.api:X}, interfaces and ports belong to API 0"
-    if plan.startup == "advanced" and plan.rt_class == RtClass.CLASS_1:
-        yield "the advanced start-up does not have RT_CLASS_1, rt_class has to be 2"
-    frame_ids = FRAME_IDS.get(plan.rt_class)
-    if frame_ids is None:
-        yield f"rt_class is {plan.rt_class}, it has to be 1 or 2"
-        return
-    allowed = f"of RT_CLASS_{plan.rt_class} lie between 0x{frame_ids[0]:04X} and 0x{frame_ids[-1]:04X}"
-    if plan.input_frame_id not in frame_ids:
-        yield f"input_frame_id is 0x{plan.input_frame_id:04X}, frame ids {allowed}"
-    if plan.output_frame_id != FRAME_ID_ASSIGN and plan.output_frame_id not in frame_ids:
-        yield f"output_frame_id is 0x{plan.output_frame_id:04X}, frame ids {allowed}"
