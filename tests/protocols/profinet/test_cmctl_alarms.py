@@ -11,7 +11,7 @@ from cmctl_peers import DEVICE_ALARM_REFERENCE, DEVICE_MAC, Line, ScriptedDevice
 from pnfarm.protocols.profinet.alarms.channel import AlarmAcknowledged, AlarmChannel, PeerAborted
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmctlState
 from pnfarm.protocols.profinet.cm.controller.events import AlarmIndicated, ArAborted, ArFailed, ArReleased
-from pnfarm.protocols.profinet.errors import OK, ErrorCode, RtaError, pnio_error, rta_status
+from pnfarm.protocols.profinet.errors import OK, RtaError, rta_status
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem
 from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, parse_rta
 from pnfarm.protocols.profinet.wire.block import BlockType
@@ -65,24 +65,9 @@ def test_an_alarm_is_acknowledged_at_once_and_reported_as_text() -> None:
     assert not up.controller.dropped
 
 
-def test_an_owner_may_answer_alarms_itself() -> None:
-    up, device = established(on_alarm="ask"), device_end()
-    device.notify(alarm(2), 0)
-    carry(up, device)
-    (event,) = up.run()
-    assert isinstance(event, AlarmIndicated)
-    assert device.events() == []
-    status = pnio_error(ErrorCode.ALARM_ACK, 0x3C, 1)
-    assert up.controller.acknowledge_alarm(event.alarm, up.now, status)
-    assert not up.controller.acknowledge_alarm(event.alarm, up.now)
-    carry(up, device)
-    assert device.events() == [AlarmAcknowledged(1, alarm(2), status)]
-
-
 def test_there_is_nothing_to_acknowledge_without_a_connection() -> None:
     up = line()
     assert up.controller.alarms is None
-    assert not up.controller.acknowledge_alarm(alarm(1), 0)
     up.controller.receive_rta(parse_rta(bytes.fromhex("fe01000100141111fffffffe0000")).emit(), DEVICE_MAC, 0)
     assert up.controller.dropped == {"rta-of-another-station": 1}
 

@@ -139,7 +139,7 @@ def test_a_server_block_of_a_real_device_with_padding_of_0x0f_is_no_hindrance() 
 # Module differences
 
 
-def test_a_wrong_module_is_named_and_the_start_up_goes_on_when_the_plan_says_so() -> None:
+def test_a_wrong_module_is_named_and_the_start_up_goes_on() -> None:
     up = line(ScriptedDevice(module_diff=WRONG_MODULE))
     connected = up.start()[0]
     assert isinstance(connected, Connected)
@@ -147,26 +147,9 @@ def test_a_wrong_module_is_named_and_the_start_up_goes_on_when_the_plan_says_so(
     assert up.events[-1] == ArEstablished()
 
 
-def test_a_wrong_module_fails_the_start_up_when_the_plan_says_so() -> None:
-    device = ScriptedDevice(module_diff=WRONG_MODULE)
-    end = failure(line(device, on_module_diff="fail"))
-    assert end == ArFailed("connect", None, "slot 1: wrong module, device has 0x00000007")
-    assert device.seen[-1].opnum == Opnum.RELEASE
-
-
 def test_a_substitute_does_not_fail_the_start_up() -> None:
-    up = line(ScriptedDevice(module_diff=SUBSTITUTE), on_module_diff="fail")
+    up = line(ScriptedDevice(module_diff=SUBSTITUTE))
     assert up.start()[-1] == ArEstablished()
-
-
-def test_a_wrong_module_reported_with_application_ready_is_refused_when_the_plan_says_so() -> None:
-    up = line(on_module_diff="fail")
-    up.controller.connect(0)
-    up.run()
-    ((_, status, _),) = up.ready(ready_payload(up.controller.plan, diff=WRONG_MODULE))
-    assert not status.ok
-    assert up.run() == [ArFailed("application-ready", None, "slot 1: wrong module, device has 0x00000007")]
-    assert rta_codes(up) == [RtaError.ABORT_REQUEST]
 
 
 @pytest.mark.parametrize(
@@ -217,12 +200,6 @@ def test_a_refused_parameter_record_fails_the_start_up_and_names_the_record(mult
     assert end.reason.startswith("slot 1 subslot 0x0002 index 0x000B: ")
     assert rta_codes(up) == [RtaError.RPC_WRITE_ERROR]
     assert all(call.opnum != Opnum.CONTROL for call in up.device.seen)
-
-
-def test_a_refused_parameter_record_is_reported_and_passed_over_when_the_plan_says_so() -> None:
-    up = line(ScriptedDevice(refused_indexes={11: REFUSED}), records=RECORDS, on_record_error="go-on")
-    assert up.start()[-1] == ArEstablished()
-    assert RecordWriteDone(RECORDS[1], REFUSED) in up.events
 
 
 @pytest.mark.parametrize("answer", [b"", b"\x80\x08\x00\x3c", bytes(64)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
 from cm_support import telegram
 from cmctl_peers import RECORDS
 from cmctl_wire import PAP, SECOND, SHARED, TELEGRAM, Wire
@@ -16,7 +15,7 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     SubmodulesChanged,
     Timeouts,
 )
-from pnfarm.protocols.profinet.errors import PnioStatus, RtaError
+from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.connect import ArType
@@ -146,10 +145,9 @@ def test_an_application_ready_that_overtakes_the_end_of_parameters_is_answered_a
     assert end.unusable() == {}
 
 
-@pytest.mark.parametrize("policy", ["fail", "go-on"])
-def test_a_refused_record_after_a_plug_keeps_the_submodule_out_or_not_as_the_plan_says(policy: str) -> None:
+def test_a_refused_record_after_a_plug_keeps_the_submodule_out() -> None:
     wire = Wire()
-    end = wire.up(records=RECORDS, on_record_error=policy)
+    end = wire.up(records=RECORDS)
     wire.device.pull(1, 2, wire.now)
     wire.run()
     wire.records.refused.add(10)
@@ -158,14 +156,10 @@ def test_a_refused_record_after_a_plug_keeps_the_submodule_out_or_not_as_the_pla
     wire.run()
     (ended,) = [e for e in end.events if isinstance(e, ParametersEnded)]
     assert end.machine.state is CmctlState.DATA
-    if policy == "go-on":
-        assert ended == ParametersEnded((TELEGRAM,), after_plug=True)
-        assert end.unusable() == {}
-    else:
-        assert ended.reason.startswith("slot 1 subslot 0x0002 index 0x000A: ")
-        assert end.unusable() == {(1, 2): ended.reason}
-        # the second record was never sent, and this was reported
-        assert wire.records.writes.count(OF_TELEGRAM[1]) == 1
+    assert ended.reason.startswith("slot 1 subslot 0x0002 index 0x000A: ")
+    assert end.unusable() == {(1, 2): ended.reason}
+    # the second record was never sent, and this was reported
+    assert wire.records.writes.count(OF_TELEGRAM[1]) == 1
 
 
 def test_a_device_that_is_never_ready_after_a_plug_loses_that_submodule_and_keeps_its_connection() -> None:
@@ -184,40 +178,6 @@ def test_a_device_that_is_never_ready_after_a_plug_loses_that_submodule_and_keep
     assert end.events == [ParametersEnded((TELEGRAM,), True, reason), SubmodulesChanged({TELEGRAM: reason})]
     assert end.machine.state is CmctlState.DATA
     assert end.machine.next_deadline() is None
-
-
-def test_an_owner_that_refuses_the_plug_writes_no_parameters() -> None:
-    wire = Wire()
-    end = wire.up(on_alarm="ask", records=RECORDS)
-    wire.device.pull(1, 2, wire.now)
-    wire.run()
-    (pull,) = end.take(AlarmIndicated)
-    assert end.machine.acknowledge_alarm(pull.alarm, wire.now)
-    wire.device.plug(1, None, wire.now)
-    wire.run()
-    (plug,) = end.take(AlarmIndicated)
-    wire.calls.clear()
-    assert end.machine.acknowledge_alarm(plug.alarm, wire.now, PnioStatus(0xDA, 0x81, 0x3C, 0))
-    wire.run()
-    assert wire.calls == []
-    assert end.machine.unusable == {TELEGRAM: "pulled"}
-
-
-def test_an_owner_that_accepts_the_plug_later_writes_the_parameters_then() -> None:
-    wire = Wire()
-    end = wire.up(on_alarm="ask", records=RECORDS)
-    wire.device.pull(1, 2, wire.now)
-    wire.run()
-    (pull,) = end.take(AlarmIndicated)
-    end.machine.acknowledge_alarm(pull.alarm, wire.now)
-    wire.device.plug(1, None, wire.now)
-    wire.run()
-    (plug,) = end.take(AlarmIndicated)
-    assert plug.alarm.alarm_type == AlarmType.PLUG
-    assert end.machine.unusable == {TELEGRAM: "pulled"}
-    assert end.machine.acknowledge_alarm(plug.alarm, wire.now)
-    wire.run()
-    assert end.machine.unusable == {}
 
 
 def test_a_release_during_parameters_leaves_nothing_behind() -> None:

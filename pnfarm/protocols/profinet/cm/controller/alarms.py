@@ -2,8 +2,7 @@
 
 The alarm channel opens with the confirmation of Connect and closes with the AR; a device may send alarms at any time
 between, before ApplicationReady as well (ALPMR is activated with the AR, IEC 61158-6-10).  Each alarm becomes an event
-with a text.  It is acknowledged at once, or by the owner if the plan says so: until then the device sends no other
-alarm of that priority.
+with a text, and is acknowledged at once: before, the device sends no other alarm of that priority.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from pnfarm.protocols.profinet.alarms.channel import (
     PeerAborted,
 )
 from pnfarm.protocols.profinet.cm.controller.events import AlarmIndicated
-from pnfarm.protocols.profinet.errors import OK
 from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
 from pnfarm.protocols.profinet.wire.alarms.texts import alarm_in_words
 
@@ -28,8 +26,6 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
     from pnfarm.protocols.profinet.cm.controller.response import ConnectAnswer
-    from pnfarm.protocols.profinet.errors import PnioStatus
-    from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification
     from pnfarm.wire.ethernet import VlanTag
 
 __all__ = ["ControllerAlarms"]
@@ -82,12 +78,8 @@ class ControllerAlarms:
             return
         self._channel.receive(pdu, now)
 
-    def acknowledge(self, alarm: AlarmNotification, status: PnioStatus, now: int) -> bool:
-        """False when this alarm does not wait for its AlarmAck."""
-        return self._channel is not None and self._channel.acknowledge(alarm, now, status)
-
     def take(self, now: int) -> list[AlarmIndicated | AlarmFailed | PeerAborted]:
-        """What happened since the last call; alarms are acknowledged here, unless their owner does it."""
+        """What happened since the last call; alarms are acknowledged here."""
         if self._channel is None:
             return []
         out: list[AlarmIndicated | AlarmFailed | PeerAborted] = []
@@ -95,8 +87,7 @@ class ControllerAlarms:
             match event:
                 case AlarmReceived(alarm):
                     out.append(AlarmIndicated(alarm, alarm_in_words(alarm, self._plan.texts)))
-                    if self._plan.on_alarm == "acknowledge":
-                        self._channel.acknowledge(alarm, now, OK)
+                    self._channel.acknowledge(alarm, now)
                 case AlarmFailed() | PeerAborted():
                     out.append(event)
                 case AlarmAcknowledged():

@@ -78,7 +78,6 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.alarms.channel import AlarmChannel
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey
     from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
-    from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification
     from pnfarm.wire.ethernet import VlanTag
 
 __all__ = ["CmController", "CmctlState"]
@@ -172,14 +171,6 @@ class CmController:
         """
         return self._state is CmctlState.DATA and self._submodules.begin(submodules)
 
-    def acknowledge_alarm(self, alarm: AlarmNotification, now: int, status: PnioStatus = OK) -> bool:
-        """Answer an ``AlarmIndicated`` where the plan leaves that to the owner.  False if it needs none."""
-        waited = self._alarms.acknowledge(alarm, status, now)
-        if waited and status.ok:
-            self._submodules.acknowledged(alarm, now, data=self._state is CmctlState.DATA)
-        self._take_submodules(now)
-        return waited
-
     # What goes out
 
     def calls(self, now: int) -> list[ControllerCall]:
@@ -245,11 +236,6 @@ class CmController:
             self.dropped["ready-out-of-turn"] += 1
             self._responses.append((call, response.STATE_CONFLICT, b""))
             return
-        misfits = response.misfits(content.module_diff)
-        if misfits and self.plan.on_module_diff == "fail" and self._state is not CmctlState.DATA:
-            self._responses.append((call, response.STATE_CONFLICT, b""))
-            self._signal(CmctlSignal.FAULT, CmctlEnd(misfits, rta=RtaError.ABORT_REQUEST), now)
-            return
         self._signal(CmctlSignal.READY_IND, Ready(call, content), now)
 
     def receive_rta(self, payload: bytes, source_mac: bytes, now: int) -> None:
@@ -262,9 +248,7 @@ class CmController:
             match event:
                 case AlarmIndicated(alarm=alarm):
                     self._events.append(event)
-                    self._submodules.alarm(alarm, now)
-                    if self.plan.on_alarm == "acknowledge":
-                        self._submodules.acknowledged(alarm, now, data=self._state is CmctlState.DATA)
+                    self._submodules.alarm(alarm, now, data=self._state is CmctlState.DATA)
                 case AlarmFailed(code=code, reason=reason):
                     self.abort(now, code, f"the alarm channel failed: {reason}")
                 case PeerAborted(status=status):
@@ -305,9 +289,6 @@ class CmController:
                 self._signal(CmctlSignal.ACCESS_CNF, mac, now)
                 return
             accepted = response.check_connect(self.plan, self.layouts, answer.payload)
-            misfits = response.misfits(accepted.module_diff)
-            if misfits and self.plan.on_module_diff == "fail":
-                raise RemoteError(misfits)
         except RemoteError as exc:
             if self._state is CmctlState.W_CCNF:  # in other states a Release is queued already
                 self._say_farewell()
@@ -320,7 +301,7 @@ class CmController:
         self._events += results
         self._parameters_open -= len(results)
         refusal = cmctl_calls.first_refusal(pending, results)
-        if refusal is not None and self.plan.on_record_error == "fail":
+        if refusal is not None:
             self._signal(CmctlSignal.FAULT, CmctlEnd(*refusal, RtaError.RPC_WRITE_ERROR), now)
         elif self._parameters_open == 0:
             self._signal(CmctlSignal.RECORDS_WRITTEN, None, now)

@@ -102,10 +102,7 @@ class ArEstablished:
 
 @dataclass(frozen=True, slots=True)
 class AlarmIndicated:
-    """The device raised an alarm; ``text`` says it in one line.
-
-    It has been acknowledged, unless the plan leaves that to the owner (``CmController.acknowledge_alarm``).
-    """
+    """The device raised an alarm, and it has been acknowledged; ``text`` says it in one line."""
 
     alarm: AlarmNotification
     text: str

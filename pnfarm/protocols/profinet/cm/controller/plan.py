@@ -116,9 +116,6 @@ class ArPlan:
     multiple_write: bool = False
     #: Octets of one MultipleWrite's record; what does not fit goes into a further one.
     multiple_write_octets: int = 1200
-    #: What to do when the device refuses a record, or reports a module that does not fit.
-    on_record_error: Literal["fail", "go-on"] = "fail"
-    on_module_diff: Literal["fail", "go-on"] = "go-on"
     # Cyclic data
     send_clock_factor: int = 32
     reduction_ratio: int = 1
@@ -139,8 +136,6 @@ class ArPlan:
     local_alarm_reference: int = 1
     max_alarm_data_length: int = 200
     alarm_properties: int = 0
-    #: The device's alarms are acknowledged by the machine, at once and with OK, or by its owner.
-    on_alarm: Literal["acknowledge", "ask"] = "acknowledge"
     #: The device's own texts for its diagnoses, if its description is available.
     texts: DiagnosisTexts | None = None
 

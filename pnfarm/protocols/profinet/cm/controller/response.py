@@ -48,7 +48,6 @@ __all__ = [
     "check_control",
     "check_ready",
     "deviations",
-    "misfits",
 ]
 
 #: ErrorCode2 of CMCTL (IEC 61158-6-10): the AR is not in a state in which the device may call.
@@ -168,11 +167,6 @@ def _module_deviations(api: int, module: DiffModule) -> Iterator[ModuleDeviation
 def deviations(block: ModuleDiffBlock) -> tuple[ModuleDeviation, ...]:
     """Each deviation that a ModuleDiffBlock names, in the block's order."""
     return tuple(d for api in block.apis for module in api.modules for d in _module_deviations(api.api, module))
-
-
-def misfits(module_diff: tuple[ModuleDeviation, ...]) -> str:
-    """The deviations that prevent data exchange as planned, as one sentence; empty when there are none."""
-    return "; ".join(d.text for d in module_diff if not d.fits)
 
 
 # Connect

@@ -205,7 +205,7 @@ class Rounds:
         self._events += results
         standing.records_open -= len(results)
         refusal = first_refusal(pending, results)
-        if refusal is not None and self._plan.on_record_error == "fail":
+        if refusal is not None:
             goes_on = not standing.begins and answer.status is not None
             code = None if goes_on else RtaError.RPC_WRITE_ERROR
             self._signal(standing, RoundSignal.FAULT, (refusal[0], code), now)

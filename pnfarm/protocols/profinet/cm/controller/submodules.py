@@ -66,28 +66,22 @@ class ControllerSubmodules:
         """Set the unusable submodules after a start-up, from the reported deviations."""
         self._why = self._misfits(module_diff)
 
-    def alarm(self, alarm: AlarmNotification, now: int) -> None:
-        """An alarm that may take a submodule away."""
-        why = _TAKEN_AWAY.get(alarm.alarm_type)
-        if why is None:
-            return
-        gone = self._concerned(alarm)
-        self._why.update(dict.fromkeys(gone, why))
-        self.rounds.gone(gone, now)
-
-    def acknowledged(self, alarm: AlarmNotification, now: int, *, data: bool) -> None:
-        """An alarm was acknowledged without error: submodules that it brings back get their parameters.
+    def alarm(self, alarm: AlarmNotification, now: int, *, data: bool) -> None:
+        """An alarm, acknowledged, that may take submodules away; those that it brings back get their parameters.
 
         ``data``: the AR exchanges data; before, its start-up parametrises everything.
         """
-        come = self._concerned(alarm) if alarm.alarm_type in _BROUGHT_BACK else ()
-        if not come:
-            return
-        if not data:
-            self._dropped["plug-before-data"] += 1
-            return
-        self._why.update(dict.fromkeys(come, _WRITING))
-        self.rounds.plugged(come, alarm.sequence_number, now)
+        concerned = self._concerned(alarm)
+        why = _TAKEN_AWAY.get(alarm.alarm_type)
+        if why is not None:
+            self._why.update(dict.fromkeys(concerned, why))
+            self.rounds.gone(concerned, now)
+        elif alarm.alarm_type in _BROUGHT_BACK and concerned:
+            if not data:
+                self._dropped["plug-before-data"] += 1
+                return
+            self._why.update(dict.fromkeys(concerned, _WRITING))
+            self.rounds.plugged(concerned, alarm.sequence_number, now)
 
     def begin(self, wanted: Iterable[ExpectedKey] | None) -> bool:
         """PrmBegin for these submodules, or for all that can be used; False if that is not possible now."""
