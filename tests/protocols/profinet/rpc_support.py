@@ -13,7 +13,6 @@ from uuid import UUID
 from pnfarm.protocols.profinet.rpc.client import CallFailed, CallReturned, RpcClient, RpcClientConfig
 from pnfarm.protocols.profinet.rpc.endpoints import Endpoint
 from pnfarm.protocols.profinet.rpc.server import (
-    CallCancelled,
     CallReceived,
     Datagram,
     Peer,
@@ -116,7 +115,6 @@ class Station:
     think_ns: int = 0
     config: RpcServerConfig = field(default_factory=lambda: RpcServerConfig(endpoints=ENDPOINTS))
     runs: Counter = field(default_factory=Counter)
-    given_up: list[CallCancelled] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.server = RpcServer(self.config, self.address.ip)
@@ -181,9 +179,6 @@ class Network:
                 self._carry(ip, datagram)
         for ip, station in self.stations.items():
             for event in station.server.events():
-                if isinstance(event, CallCancelled):
-                    station.given_up.append(event)
-                    continue
                 station.runs[event.call] += 1
                 self._later(station.think_ns, lambda event=event, station=station: self._respond(station, event))
             for datagram in station.server.to_send(self.now):

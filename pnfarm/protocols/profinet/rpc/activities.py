@@ -68,12 +68,12 @@ TRANSITIONS: Final[dict[tuple[ServerState, ServerEventKind], tuple[ServerState, 
     (ServerState.RECEIVING, ServerEventKind.PING): (ServerState.RECEIVING, "arrived"),
     (ServerState.RECEIVING, ServerEventKind.CANCEL): (ServerState.RECEIVING, "cancel_unbegun"),
     (ServerState.RECEIVING, ServerEventKind.ORPHAN): (ServerState.ORPHANED, "orphan"),
-    (ServerState.EXECUTING, ServerEventKind.REQUEST_NEW): (ServerState.RECEIVING, "begin_another"),
+    (ServerState.EXECUTING, ServerEventKind.REQUEST_NEW): (ServerState.RECEIVING, "begin"),
     (ServerState.EXECUTING, ServerEventKind.REQUEST_SAME): (ServerState.EXECUTING, "working"),
     (ServerState.EXECUTING, ServerEventKind.ANSWERED): (ServerState.REPLYING, "reply"),
     (ServerState.EXECUTING, ServerEventKind.PING): (ServerState.EXECUTING, "working"),
     (ServerState.EXECUTING, ServerEventKind.CANCEL): (ServerState.EXECUTING, "cancel"),
-    (ServerState.EXECUTING, ServerEventKind.ORPHAN): (ServerState.ORPHANED, "orphan_executing"),
+    (ServerState.EXECUTING, ServerEventKind.ORPHAN): (ServerState.ORPHANED, "orphan"),
     (ServerState.EXECUTING, ServerEventKind.EXPIRED): (ServerState.EXECUTING, "abandon"),
     (ServerState.ORPHANED, ServerEventKind.REQUEST_NEW): (ServerState.RECEIVING, "begin"),
     (ServerState.ORPHANED, ServerEventKind.PING): (ServerState.ORPHANED, "nocall"),
@@ -119,7 +119,6 @@ class Activity:
     reply: FragmentSender | None = None
     serial: int = 0
     tries: int = 0
-    cancelled: bool = False
     #: Only the endpoint mapper was called so far.
     lookups_only: bool = True
     #: For the table: its number for the row, and the octets of the row that its sum includes.

@@ -1,4 +1,4 @@
-"""Events and settings of the two ends of connectionless RPC; the machines are in ``rpc_server`` and ``rpc_client``."""
+"""Events and settings of the two ends of connectionless RPC; the machines are in :mod:`server` and :mod:`client`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ __all__ = [
     "TIMEOUT_IDLE_NS",
     "TIMEOUT_PING_NS",
     "TIMEOUT_RESEND_NS",
-    "CallCancelled",
     "CallFailed",
     "CallKey",
     "CallMisdirected",
@@ -71,20 +70,6 @@ class CallReceived:
 
 
 @dataclass(frozen=True, slots=True)
-class CallCancelled:
-    """The client gave up a call that the application still holds.
-
-    A cancelled call is still to be answered, be it with :attr:`NcaStatus.FAULT_CANCEL`.  An ``orphaned`` one
-    is not: the client said so, began another call instead, or got no answer for ``execution_ns``; an answer is not
-    sent.
-    """
-
-    call: CallKey
-    peer: Peer
-    orphaned: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class CallMisdirected:
     """A call for an object of another device was rejected."""
 
@@ -104,7 +89,7 @@ class LateAnswers(Protocol):
         """The answer left; ``sent`` False: the call was no longer open."""
 
 
-ServerEvent = CallReceived | CallCancelled | CallMisdirected
+ServerEvent = CallReceived | CallMisdirected
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,6 @@ from pnfarm.protocols.profinet.rpc.activities import ServerEventKind as _Event
 from pnfarm.protocols.profinet.rpc.answers import answer_to, cancel_ack, fack, nocall, nocall_so_far, reject
 from pnfarm.protocols.profinet.rpc.endpoints import EndpointMapper
 from pnfarm.protocols.profinet.rpc.events import (
-    CallCancelled,
     CallKey,
     CallMisdirected,
     CallReceived,
@@ -72,7 +71,6 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
 from pnfarm.wire.octets import Reader
 
 __all__ = [
-    "CallCancelled",
     "CallKey",
     "CallReceived",
     "Datagram",
@@ -335,13 +333,7 @@ class RpcServer:
         activity.reassembly = Reassembly(STUB_MAX)
         activity.reply = None
         activity.serial = activity.tries = 0
-        activity.cancelled = False
         self._do_collect(activity, pdu, now)
-
-    def _do_begin_another(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
-        """The client does not wait for the call that the application holds."""
-        self._events.append(CallCancelled(activity.call, activity.peer, orphaned=True))
-        self._do_begin(activity, pdu, now)
 
     def _do_collect(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
         assert pdu is not None
@@ -428,7 +420,6 @@ class RpcServer:
 
     def _do_abandon(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
         """The application never answered: inform the client, so that it does not repeat a call that may have run."""
-        self._events.append(CallCancelled(activity.call, activity.peer, orphaned=True))
         self._answer_status(activity, NcaStatus.FAULT_UNSPEC, now)
 
     # replying
@@ -491,13 +482,11 @@ class RpcServer:
     def _do_release(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
         activity.reply = None
 
-    # cancelling: with a body a cl_cancel asks the application to end the call, without one it orphans the call
+    # cancelling: with a body a cl_cancel asks to end the call, without one it orphans the call
 
     def _do_cancel(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
-        """The application may still answer; it is notified of the cancel once, even if that is repeated."""
-        if self._acknowledge_cancel(activity, pdu, accepting=True) and not activity.cancelled:
-            activity.cancelled = True
-            self._events.append(CallCancelled(activity.call, activity.peer))
+        """The application may still answer."""
+        self._acknowledge_cancel(activity, pdu, accepting=True)
 
     def _do_cancel_unbegun(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
         """The call never reaches the application."""
@@ -522,10 +511,6 @@ class RpcServer:
         assert pdu is not None
         activity.reassembly, activity.reply = Reassembly(STUB_MAX), None
         self._send(activity, cancel_ack(pdu, None, accepting=False))
-
-    def _do_orphan_executing(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
-        self._events.append(CallCancelled(activity.call, activity.peer, orphaned=True))
-        self._do_orphan(activity, pdu, now)
 
     # --- sending -------------------------------------------------------------------------------------------
 
