@@ -70,7 +70,7 @@ class LineDecoder(FrameDecoder, Protocol):
 
     @property
     def link_type(self) -> int:
-        """LINKTYPE of its telegrams, as :attr:`pnfarm.links.serial.line.LineFormat.link_type` has it."""
+        """LINKTYPE of its telegrams, as :attr:`pnfarm.buses.bus.LineBus.link_type` has it."""
 
     def packet(self, frame: CapturedFrame) -> Packet:
         """A telegram with its stations; the decoder then gets it as it gets frames.

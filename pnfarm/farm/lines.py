@@ -11,8 +11,7 @@ from pnfarm.buses.registry import BUSES
 from pnfarm.config.links import SerialLink as SerialSection
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.choice import bus_of, bus_of_devices
-from pnfarm.links.serial.descriptor import PortLine, PtyLine
-from pnfarm.links.serial.line import LineFormat
+from pnfarm.links.serial.descriptor import PortLine, PtyLine, is_pty
 from pnfarm.links.serial.link import SerialLink
 from pnfarm.links.serial.tcp import ConnectLine, ListenLine
 
@@ -76,7 +75,7 @@ def _fastest_kept(way: LineWay) -> int:
     if way.connect is not None or way.listen is not None or way.rfc2217 is not None:
         # what a network takes is not the slave's time
         return 0
-    return FASTEST_KEPT if way.port is not None and not _is_pty(way.port) else FASTEST_KEPT_ON_PTY
+    return FASTEST_KEPT if way.port is not None and not is_pty(way.port) else FASTEST_KEPT_ON_PTY
 
 
 def make_lines(ways: Mapping[str, LineWay]) -> dict[str, SerialLink]:
@@ -86,24 +85,17 @@ def make_lines(ways: Mapping[str, LineWay]) -> dict[str, SerialLink]:
 
 def _way(way: LineWay) -> Line:
     if way.port is not None:
-        if _is_pty(way.port):
-            return PortLine(way.port, _PTY_BAUD, LineFormat((_PTY_BAUD,)), has_rate=False)
-        return PortLine(way.port, way.rate, LineFormat((way.rate,), "even"))
+        return PortLine(way.port, _PTY_BAUD if is_pty(way.port) else way.rate)
     if way.connect is not None:
         return ConnectLine(*_place(way.connect), baud=way.rate)
     if way.rfc2217 is not None:
         # its threads are loaded by those who have one
         from pnfarm.links.serial.rfc2217 import Rfc2217Line  # noqa: PLC0415
 
-        return Rfc2217Line(*_place(way.rfc2217), way.rate, LineFormat((way.rate,), "even"))
+        return Rfc2217Line(*_place(way.rfc2217), way.rate)
     if way.listen is not None:
         return ListenLine(*_place(way.listen), baud=way.rate)
     return PtyLine(None if way.pty in {None, "auto"} else Path(str(way.pty)), baud=way.rate)
-
-
-def _is_pty(port: str) -> bool:
-    """Whether a port is the far end of a pseudo terminal, which has no rate."""
-    return Path(port).resolve().parts[:3] == ("/", "dev", "pts")
 
 
 def _place(text: str) -> tuple[str, int]:

@@ -67,19 +67,11 @@ def test_a_pty_in_time_is_fine_and_one_that_is_late_is_told(measured):
     assert line.remedy == "a longer slot time in the master, and as `latest_answer` of the line"
 
 
-def test_a_port_with_a_plug_is_measured_itself(measured, plug, monkeypatch):
-    # a pty has no parity
-    monkeypatch.setattr(lines, "LineFormat", lambda bauds, _: serial_probe_format(bauds))
+def test_a_port_with_a_plug_is_measured_itself(measured, plug):
     _, line = findings(f"{{kind: serial, port: {plug}, baud: 19200}}")
     # on a busy machine it may be late, and is told to be
     assert line.ok is not False
     assert f"on {plug}; a master waits" in line.detail
-
-
-def serial_probe_format(bauds):
-    from pnfarm.links.serial.line import LineFormat
-
-    return LineFormat(bauds)
 
 
 def test_a_port_that_is_not_there_is_missing(measured):
@@ -89,7 +81,6 @@ def test_a_port_that_is_not_there_is_missing(measured):
 
 
 def test_a_driver_that_collects_octets_is_told_with_its_remedy(measured, monkeypatch, plug):
-    monkeypatch.setattr(lines, "LineFormat", lambda bauds, _: serial_probe_format(bauds))
     monkeypatch.setattr(lines.probe, "latency_timer_ms", lambda _: 16)
     _, line = findings(f"{{kind: serial, port: {plug}}}")
     assert line.ok is None

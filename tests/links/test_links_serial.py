@@ -12,11 +12,9 @@ from waiting import reached
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.serial.descriptor import MOST_WAITING, PortLine, PtyLine
-from pnfarm.links.serial.line import LineFormat
 from pnfarm.links.serial.tcp import ConnectLine, ListenLine
 
 pytestmark = pytest.mark.asyncio
-FORM = LineFormat((9600, 19200), parity="even")
 WAIT = 5.0
 
 
@@ -267,18 +265,17 @@ async def test_a_line_that_is_closed_while_it_tries_leaves_nothing_behind():
 )
 async def test_a_wrong_port_is_told_in_one_sentence(port, said):
     with pytest.raises(EnvironmentError_, match=said) as told:
-        await PortLine(port, 9600, FORM).open()
+        await PortLine(port, 9600).open()
     assert "\n" not in str(told.value)
 
 
 async def test_a_port_that_is_pulled_out_is_taken_again_when_it_is_back(tmp_path):
     """A pty stands for the device: a port without parity, which no pty has."""
-    form = LineFormat((9600,))
     near, far = os.openpty()
     device = tmp_path / "ttyUSB0"
     device.symlink_to(os.ttyname(far))
     os.close(far)
-    line = PortLine(str(device), 19200, form)
+    line = PortLine(str(device), 19200)
     ear = Ear(line, answer=bytes.upper)
     async with opened(line):
         assert termios.tcgetattr(near)[4] == termios.B19200

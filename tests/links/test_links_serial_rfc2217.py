@@ -10,12 +10,10 @@ from waiting import reached
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.serial import descriptor as serial_module
-from pnfarm.links.serial.line import LineFormat
 from pnfarm.links.serial.rfc2217 import Rfc2217Line
 
 # pyserial's own threads use an old spelling
 pytestmark = [pytest.mark.asyncio, pytest.mark.filterwarnings("ignore:set.* is deprecated:DeprecationWarning")]
-FORM = LineFormat((19200, 500_000), parity="even")
 
 
 class Server:
@@ -77,7 +75,7 @@ def server():
 
 
 async def test_octets_pass_with_the_line_s_rate_and_parity_and_it_comes_back_after_a_break(server):
-    line = Rfc2217Line("127.0.0.1", server.number, 19200, FORM)
+    line = Rfc2217Line("127.0.0.1", server.number, 19200)
     heard, news = [], []
     line.set_receiver(lambda octets, _: heard.append(octets))
     line.set_news(lambda up, text: news.append(up))
@@ -108,7 +106,7 @@ async def test_octets_pass_with_the_line_s_rate_and_parity_and_it_comes_back_aft
 async def test_a_server_that_is_not_there_is_tried_again_and_nothing_waits_for_it():
     with socket.create_server(("127.0.0.1", 0)) as probe:
         number = probe.getsockname()[1]
-    line = Rfc2217Line("127.0.0.1", number, 19200, FORM)
+    line = Rfc2217Line("127.0.0.1", number, 19200)
     await line.open()
     try:
         line.send(b"lost")

@@ -9,7 +9,6 @@ from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.doctor.machine import Finding
 from pnfarm.farm.lines import line_bus, line_ways
 from pnfarm.links.serial import probe
-from pnfarm.links.serial.line import LineFormat
 
 if TYPE_CHECKING:
     from pnfarm.buses.bus import LineBus
@@ -46,7 +45,7 @@ def _line(name: str, way: LineWay, bus: LineBus, measured: ReplyTime, folder: Pa
     if way.port is not None:
         where = port = str(folder / way.port)
         try:
-            echoed = probe.loop_back(port, baud, LineFormat((baud,), "even"))
+            echoed = probe.loop_back(port, baud)
         except EnvironmentError_ as exc:
             return [Finding(label, False, str(exc), "ls -l /dev/serial/by-id")]
         timer = probe.latency_timer_ms(port)

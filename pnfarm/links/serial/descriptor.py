@@ -17,6 +17,7 @@ import termios
 import time
 import tty
 from abc import ABC, abstractmethod
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,15 +27,16 @@ from pnfarm.links.serial.eager_loop import EagerLoop
 from pnfarm.links.serial.line import LineCounters
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pnfarm.links.serial.line import AtOnce, LineFormat, LineNews, LineReceiver
+    from pnfarm.links.serial.line import AtOnce, LineNews, LineReceiver
 
 __all__ = [
     "MOST_WAITING",
+    "PARITY",
     "FdLine",
     "PortLine",
     "PtyLine",
+    "import_serial",
+    "is_pty",
     "open_port",
 ]
 
@@ -51,7 +53,8 @@ _LAST_PTY_PAUSE_SECONDS = 0.02
 
 #: Place of the control characters in what termios.tcgetattr returns.
 _CONTROL_CHARACTERS = 6
-_PARITIES = {"none": "N", "even": "E", "odd": "O"}
+#: Of each octet, with one stop bit: PROFIBUS has no other form; in pyserial's word.
+PARITY = "E"
 
 
 class FdLine(ABC):
@@ -397,15 +400,19 @@ class PtyLine(FdLine):
                 self._receiver(octets, time.monotonic_ns())
 
 
-def open_port(port: str, baud: int, form: LineFormat) -> Any:
+def is_pty(port: str) -> bool:
+    """Whether a port is the far end of a pseudo terminal, which has neither a rate nor a parity."""
+    return Path(port).resolve().parts[:3] == ("/", "dev", "pts")
+
+
+def open_port(port: str, baud: int) -> Any:
     """A serial port through pyserial, raw and not blocking; raises :class:`EnvironmentError_` with one sentence."""
     serial = import_serial(f"serial port {port}")
     try:
         opened = serial.Serial(
             port,
             baud,
-            parity=_PARITIES[form.parity],
-            stopbits=form.stop_bits,
+            parity="N" if is_pty(port) else PARITY,
             timeout=0,
             write_timeout=0,
             exclusive=True,
@@ -465,15 +472,14 @@ def _is_terminal(port: str) -> bool:
 
 
 class PortLine(FdLine):
-    """A serial port of this machine, such as an RS-485 adapter's; without ``has_rate`` a pseudo terminal's far end."""
+    """A serial port of this machine, such as an RS-485 adapter's, or a pseudo terminal's far end."""
 
     kind = "port"
 
-    def __init__(self, port: str, baud: int, form: LineFormat, *, has_rate: bool = True) -> None:
+    def __init__(self, port: str, baud: int) -> None:
         super().__init__(baud=baud)
-        self.has_rate = has_rate
+        self.has_rate = not is_pty(port)
         self._port = port
-        self._form = form
         self._serial: Any = None
 
     @property
@@ -492,12 +498,12 @@ class PortLine(FdLine):
             self._broken("refused", _why_not(self._port, baud, exc))
 
     async def _begin(self) -> None:
-        self._serial = open_port(self._port, self._baud or 0, self._form)
+        self._serial = open_port(self._port, self._baud or 0)
         self._attach(self._serial.fileno())
 
     def _try(self) -> None:
         try:
-            self._serial = open_port(self._port, self._baud or 0, self._form)
+            self._serial = open_port(self._port, self._baud or 0)
         except EnvironmentError_ as exc:
             self._broken("no-device", str(exc))
         else:

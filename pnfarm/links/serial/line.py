@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 __all__ = [
-    "REPLY_EDGES_NS", "AtOnce", "Line", "LineCounters", "LineFormat", "LineNews", "LineReceiver", "LineTally", "Parity",
-    "ReplyTimes",
+    "REPLY_EDGES_NS", "AtOnce", "Line", "LineCounters", "LineNews", "LineReceiver", "LineTally", "ReplyTimes",
 ]  # fmt: skip
 
-Parity: TypeAlias = Literal["none", "even", "odd"]
 #: ``receiver(octets, now_ns)``: what came since the last call; its end was on the line at ``now_ns`` at the latest.
 LineReceiver: TypeAlias = Callable[[bytes, int], None]
 #: ``at_once(octets, length, now_ns)``: whether all is done that the first octets of this array ask for; if not, nothing
@@ -26,20 +24,6 @@ LineReceiver: TypeAlias = Callable[[bytes, int], None]
 AtOnce: TypeAlias = Callable[[Any, int, int], bool]
 #: ``news(up, text)``: whether the line carries octets from now on, and where or why.
 LineNews: TypeAlias = Callable[[bool, str], None]
-
-
-@dataclass(frozen=True, slots=True)
-class LineFormat:
-    """How octets go over a line.  ``bauds`` are the rates that the bus has, the likeliest first."""
-
-    bauds: Sequence[int]
-    parity: Parity = "none"
-    stop_bits: Literal[1, 2] = 1
-
-    @property
-    def octet_bits(self) -> int:
-        """Bit times of one octet: start bit, eight data bits, parity bit, stop bits."""
-        return 9 + (self.parity != "none") + self.stop_bits
 
 
 @dataclass(slots=True)

@@ -18,11 +18,10 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.links.serial.descriptor import PtyLine, open_port
+from pnfarm.links.serial.link import OCTET_BITS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from pnfarm.links.serial.line import LineFormat
 
 __all__ = ["ReplyTime", "floor", "latency_timer_ms", "loop_back"]
 
@@ -94,13 +93,13 @@ def ask(path: str, count: int) -> list[int]:
     return times[20:]
 
 
-def loop_back(port: str, baud: int, form: LineFormat) -> ReplyTime | None:
+def loop_back(port: str, baud: int) -> ReplyTime | None:
     """What a port takes in addition to its octets; None where nothing comes back.
 
     Raises :class:`EnvironmentError_` where it cannot be opened.
     """
-    opened = open_port(port, baud, form)
-    own_ns = len(QUESTION) * form.octet_bits * 1_000_000_000 // baud
+    opened = open_port(port, baud)
+    own_ns = len(QUESTION) * OCTET_BITS * 1_000_000_000 // baud
     times: list[int] = []
     try:
         opened.reset_input_buffer()

@@ -15,11 +15,11 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import InternalError
-from pnfarm.links.serial.descriptor import MOST_WAITING, import_serial
+from pnfarm.links.serial.descriptor import MOST_WAITING, PARITY, import_serial
 from pnfarm.links.serial.line import LineCounters
 
 if TYPE_CHECKING:
-    from pnfarm.links.serial.line import AtOnce, LineFormat, LineNews, LineReceiver
+    from pnfarm.links.serial.line import AtOnce, LineNews, LineReceiver
 
 __all__ = ["Rfc2217Line"]
 
@@ -27,7 +27,6 @@ __all__ = ["Rfc2217Line"]
 _LOOK_SECONDS = 0.05
 _FIRST_PAUSE_SECONDS = 0.1
 _LAST_PAUSE_SECONDS = 2.0
-_PARITIES = {"none": "N", "even": "E", "odd": "O"}
 
 
 class Rfc2217Line:
@@ -35,10 +34,9 @@ class Rfc2217Line:
 
     kind = "rfc2217"
 
-    def __init__(self, host: str, port: int, baud: int, form: LineFormat) -> None:
+    def __init__(self, host: str, port: int, baud: int) -> None:
         self._peer = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
         self._baud = baud
-        self._form = form
         self._counters = LineCounters()
         self._receiver: LineReceiver | None = None
         self._news: LineNews | None = None
@@ -153,8 +151,7 @@ class Rfc2217Line:
                 port = serial.serial_for_url(
                     f"rfc2217://{self._peer}",
                     baud,
-                    parity=_PARITIES[self._form.parity],
-                    stopbits=self._form.stop_bits,
+                    parity=PARITY,
                     timeout=_LOOK_SECONDS,
                 )
             except (OSError, ValueError, TypeError, AttributeError) as exc:
