@@ -57,7 +57,7 @@ def mac_text(mac: bytes) -> str:
 
 @dataclass(frozen=True, slots=True)
 class InterfaceFacts:
-    """An interface as the kernel reports it.  ``kind`` is empty for a NIC; ``master`` is a bridge's index or 0."""
+    """An interface as the kernel reports it.  ``kind`` is empty for a NIC."""
 
     index: int
     name: str
@@ -67,7 +67,6 @@ class InterfaceFacts:
     hardware: int
     alias: str
     group: int
-    master: int
 
     @property
     def is_up(self) -> bool:
@@ -186,9 +185,7 @@ class Interfaces:
 
     def create_veths(self, farm: str, bridge: str | None, wanted: Sequence[PortSpec]) -> list[VethPair]:
         """One veth pair for each spec, both ends up; the far ends join ``bridge`` if one is named."""
-        above = self.find_usable(bridge, "bridge") if bridge is not None else None
-        if above is not None and above.kind != "bridge":
-            raise EnvironmentError_(f"bridge {bridge} is a {above.kind or 'NIC'}: name a bridge, or leave it out")
+        above = None if bridge is None else self._usable_bridge(bridge)
         names = self.free_names(farm)
         with self._all_or_nothing(farm):
             made = []
@@ -247,19 +244,18 @@ class Interfaces:
             bring_up([facts.index])
         return Port(name, facts.index, facts.mac)
 
-    def mark(self, farm: str, index: int, name: str, station: str, mac: bytes | None = None) -> None:
+    def mark(self, farm: str, index: int, name: str, station: str) -> None:
         """Tag and silence an interface that was made by other means (a TAP), and set it up."""
-        options = {} if mac is None else {"address": mac_text(mac)}
-        self._set(name, index=index, group=group_of(farm), **options)
+        try:
+            self._route.link("set", index=index, group=group_of(farm))
+        except NetlinkError as exc:
+            raise EnvironmentError_(f"{name} cannot be changed: {_why(exc)}") from exc
         silence([Marked(index, name, tag(farm, station), arp=True)])
         bring_up([index])
 
     def enslave(self, index: int, bridge: str) -> None:
         """Put an own interface into a bridge."""
-        above = self.find_usable(bridge, "bridge")
-        if above.kind != "bridge":
-            raise EnvironmentError_(f"bridge {bridge} is a {above.kind or 'NIC'}: name a bridge, or leave it out")
-        self._enslave(index, above)
+        self._enslave(index, self._usable_bridge(bridge))
 
     # -- changing
 
@@ -342,11 +338,11 @@ class Interfaces:
         except NetlinkError as exc:
             raise _refusal(what, options, exc) from exc
 
-    def _set(self, what: str, **options: Any) -> None:
-        try:
-            self._route.link("set", **options)
-        except NetlinkError as exc:
-            raise EnvironmentError_(f"{what} cannot be changed: {_why(exc)}") from exc
+    def _usable_bridge(self, name: str) -> InterfaceFacts:
+        facts = self.find_usable(name, "bridge")
+        if facts.kind != "bridge":
+            raise EnvironmentError_(f"bridge {name} is a {facts.kind or 'NIC'}: name a bridge, or leave it out")
+        return facts
 
     def _enslave(self, index: int, bridge: InterfaceFacts) -> None:
         try:
@@ -403,7 +399,6 @@ def _facts(message: Any) -> InterfaceFacts:
         hardware=int(message["ifi_type"]),
         alias=str(message.get_attr("IFLA_IFALIAS") or ""),
         group=int(message.get_attr("IFLA_GROUP") or 0),
-        master=int(message.get_attr("IFLA_MASTER") or 0),
     )
 
 
