@@ -39,7 +39,7 @@ from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
 
-__all__ = ["BATCH", "MULTICAST_GROUPS", "PacketSockets", "open_packet_socket"]
+__all__ = ["BATCH", "MULTICAST_GROUPS", "PacketSockets", "bind_socket", "open_packet_socket"]
 
 # linux/if_packet.h
 _SOL_PACKET = 263
@@ -108,9 +108,15 @@ def _raw_socket() -> socket.socket:
         ) from exc
 
 
-def open_packet_socket(
-    ethertype: int, filter_code: bytes, receive_buffer: int = RECEIVE_BUFFER, *, index: int = 0
-) -> socket.socket:
+def bind_socket(sock: socket.socket, ethertype: int, index: int = 0) -> None:
+    """Receive from now on; Python's own bind() asks for an interface's name, ``index`` 0 is all of them."""
+    address = _SOCKADDR_LL.pack(socket.AF_PACKET, socket.htons(ethertype), index, 0, 0, 0, bytes(8))
+    if _libc.bind(sock.fileno(), address, len(address)) != 0:
+        code = ctypes.get_errno()
+        raise OSError(code, os.strerror(code))
+
+
+def open_packet_socket(ethertype: int, filter_code: bytes, *, index: int = 0) -> socket.socket:
     """A non-blocking raw socket that receives ``ethertype`` through ``filter_code``.
 
     ``index`` is the only interface that it receives from; 0 means all, which costs time for every frame of the
@@ -125,14 +131,10 @@ def open_packet_socket(
         with contextlib.suppress(OSError):  # before Linux 4.20: the filter drops outgoing frames as well
             sock.setsockopt(_SOL_PACKET, _PACKET_IGNORE_OUTGOING, 1)
         try:
-            sock.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, receive_buffer)
+            sock.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER)
         except PermissionError:  # in a user namespace only as much as net.core.rmem_max allows
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
-        # Python's own bind() asks for an interface's name; index 0 is all of them
-        address = _SOCKADDR_LL.pack(socket.AF_PACKET, socket.htons(ethertype), index, 0, 0, 0, bytes(8))
-        if _libc.bind(sock.fileno(), address, len(address)) != 0:
-            code = ctypes.get_errno()
-            raise OSError(code, os.strerror(code))
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        bind_socket(sock, ethertype, index)
     except OSError as exc:
         sock.close()
         raise EnvironmentError_(f"the packet socket for ethertype 0x{ethertype:04X} failed: {exc.strerror}") from exc

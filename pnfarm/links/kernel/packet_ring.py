@@ -8,9 +8,7 @@ sender nothing.  Offsets of the block's and the frame's header are those of linu
 
 from __future__ import annotations
 
-import ctypes
 import mmap
-import os
 import select
 import socket
 import struct
@@ -18,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.links.kernel import bpf
+from pnfarm.links.kernel.packet import bind_socket
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +30,6 @@ _PACKET_STATISTICS = 6
 _PACKET_VERSION = 10
 _TPACKET_V3 = 2
 _ETH_P_ALL = 0x0003
-_SOCKADDR_LL = struct.Struct("=HHiHBB8s")
 #: Offset of block_status in a block's header.
 _STATUS = 8
 _STATUS_USER = 1
@@ -43,8 +41,6 @@ RING = 16 * 1024 * 1024
 #: A block that is not full is handed over after this time.
 RETIRE_MS = 50
 _FRAME_SIZE = 2048
-
-_libc = ctypes.CDLL(None, use_errno=True)
 
 
 class PacketRing:
@@ -68,10 +64,7 @@ class PacketRing:
             self._socket.setsockopt(_SOL_PACKET, _PACKET_RX_RING, request)
             self.memory = mmap.mmap(self._socket.fileno(), size)
             # bound last, to no interface: one that goes down or comes back stays captured
-            address = _SOCKADDR_LL.pack(socket.AF_PACKET, socket.htons(_ETH_P_ALL), 0, 0, 0, 0, bytes(8))
-            if _libc.bind(self._socket.fileno(), address, len(address)) != 0:
-                code = ctypes.get_errno()
-                raise OSError(code, os.strerror(code))
+            bind_socket(self._socket, _ETH_P_ALL)
         except OSError as exc:
             self._socket.close()
             raise EnvironmentError_(f"the capture's socket failed: {exc.strerror}") from exc
