@@ -259,19 +259,7 @@ class MemorySwitch:
             to_all = bool(destination and destination[0] & 1)
             sender = self._sockets.get(source_port) if destination == MULTICAST_LLDP else None
             for index in self._group_receivers(frame) if to_all else list(self._by_mac.get(destination, ())):
-                # a receiver earlier in this round may have taken the port away
-                socket = self._sockets.get(index)
-                if socket is None or index == source_port:
-                    continue
-                if sender is not None and socket.counters is sender.counters:
-                    continue
-                if not socket.carrier:
-                    socket.counters.dropped["cable-pulled"] += 1
-                    continue
-                socket.counters.received += 1
-                delivered += 1
-                if socket.receiver is not None:
-                    socket.receiver(index, frame, due)
+                delivered += index != source_port and self._hand_over(index, frame, due, sender)
         raise InternalError(
             f"stations exchanged {MAX_DELIVERIES} frames in one instant: do two of them answer each other endlessly?"
         )
@@ -282,17 +270,22 @@ class MemorySwitch:
         while line.under_way and line.under_way[0][0] <= now:
             due, source, octets = line.under_way.popleft()
             for index in self._hearers(name, octets):
-                socket = self._sockets.get(index)
-                if socket is None or index == source:
-                    continue
-                if not socket.carrier:
-                    socket.counters.dropped["cable-pulled"] += 1
-                    continue
-                socket.counters.received += 1
-                delivered += 1
-                if socket.receiver is not None:
-                    socket.receiver(index, octets, due)
+                delivered += index != source and self._hand_over(index, octets, due)
         return delivered
+
+    def _hand_over(self, index: int, frame: bytes, due: int, sender: _Socket | None = None) -> bool:
+        """A frame reaches a port, unless that is one of its ``sender``'s link; whether it got it."""
+        # a receiver earlier in this round may have taken the port away
+        socket = self._sockets.get(index)
+        if socket is None or (sender is not None and socket.counters is sender.counters):
+            return False
+        if not socket.carrier:
+            socket.counters.dropped["cable-pulled"] += 1
+            return False
+        socket.counters.received += 1
+        if socket.receiver is not None:
+            socket.receiver(index, frame, due)
+        return True
 
     def _hearers(self, name: str, octets: bytes) -> list[int]:
         """Ports of a line, less those that a telegram does not concern."""
