@@ -312,13 +312,11 @@ class KernelSockets:
             loop.call_soon(self._tell, StreamClosed(port, self._last))
             return self._last
         number = self._add(port, host, sock, peer, opening=True)
-        with contextlib.suppress(BlockingIOError):
-            try:
-                sock.bind((str(host.services.address.ip), 0))
-                sock.connect((str(peer[0]), peer[1]))
-            except BlockingIOError:
-                raise
-            except OSError:
+        try:
+            sock.bind((str(host.services.address.ip), 0))
+            sock.connect((str(peer[0]), peer[1]))
+        except OSError as exc:
+            if exc.errno != errno.EINPROGRESS:
                 loop.call_soon(self._lost, number)
                 return number
         loop.add_writer(sock, self._connected, number)
