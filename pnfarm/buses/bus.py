@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from pnfarm.links.base import ETHERNET, PortSpec
+from pnfarm.links.base import PortSpec
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -256,9 +256,6 @@ class LineBus(Protocol):
     """
 
     @property
-    def uses_line(self) -> bool: ...
-
-    @property
     def link_type(self) -> int:
         """LINKTYPE of its telegrams in a capture (tcpdump.org)."""
 
@@ -304,11 +301,11 @@ class LineSegment(Protocol):
 
 def line_of(bus: Bus) -> str:
     """The name of the serial line that the stations of a bus share, empty for a network."""
-    return bus.name if isinstance(bus, LineBus) and bus.uses_line else ""
+    return bus.name if isinstance(bus, LineBus) else ""
 
 
 def port_spec(bus: Bus, station: str, mac: bytes) -> PortSpec:
     """The port that a station on this bus wants, drive or controller."""
-    if not (line := line_of(bus)):
+    if not isinstance(bus, LineBus):
         return PortSpec(station, mac, kernel=bus.uses_sockets)
-    return PortSpec(station, b"", line=line, link_type=bus.link_type if isinstance(bus, LineBus) else ETHERNET)
+    return PortSpec(station, b"", line=bus.name, link_type=bus.link_type)

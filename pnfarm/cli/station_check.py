@@ -95,7 +95,7 @@ def _buses_at(where: str, expected: dict[str, list[StationFacts]], file: Path) -
 def _ask(
     bus: CheckingBus, where: str, expected: Sequence[StationFacts], seconds: float, baud: int, own: int
 ) -> CheckAnswer:
-    if not isinstance(bus, LineBus) or not line_of(bus):
+    if not isinstance(bus, LineBus):
         return anyio.run(bus.read_stations, CheckQuestion(where, seconds, expected))
     if baud not in bus.baud_rates:
         raise ConfigError(f"--baud {baud} is none of the line's rates: {', '.join(map(str, bus.baud_rates))}")

@@ -34,7 +34,7 @@ FASTEST_KEPT_ON_PTY = 500_000
 
 def line_bus(name: str) -> LineBus:
     """The bus with a line of this name.  Raises :class:`ConfigError`."""
-    known: dict[str, LineBus] = {each: one for each, one in BUSES.items() if isinstance(one, LineBus) and one.uses_line}
+    known: dict[str, LineBus] = {each: one for each, one in BUSES.items() if isinstance(one, LineBus)}
     if name not in known:
         raise ConfigError(f"no bus {name!r} has a serial line; those with one: {', '.join(known)}")
     return known[name]

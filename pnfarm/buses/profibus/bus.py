@@ -35,7 +35,6 @@ class Profibus(ImportingBus, ProjectBus, CheckingBus):
     title = "PROFIBUS"
     link_kinds = frozenset({"serial", "memory"})
     frame_families = ("cyclic", "dp", "dpv1", "fdl")
-    uses_line = True
     description_key = "gsd"
     link_type = 257  # LINKTYPE_PROFIBUS_DL
 
