@@ -20,6 +20,7 @@ from pnfarm.api.app import make_app
 from pnfarm.api.problems import REPORTED
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.events import ApiListening
+from pnfarm.vocabulary.endpoints import host_port
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Generator
@@ -77,7 +78,7 @@ def listen(host: str, port: int, *, what: str = "the API", key: str = "api") -> 
 
     ``what`` is to listen, as ``key`` of the farm file says.
     """
-    where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    where = host_port(host, port)
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         found = ListeningSocket(family, kind, protocol)
@@ -104,7 +105,7 @@ def listen(host: str, port: int, *, what: str = "the API", key: str = "api") -> 
 
 def api_url(host: str, port: int, *, secure: bool) -> str:
     """The address of an API as clients write it."""
-    return f"{'https' if secure else 'http'}://{f'[{host}]' if ':' in host else host}:{port}"
+    return f"{'https' if secure else 'http'}://{host_port(host, port)}"
 
 
 def tls_of(config: FarmConfig) -> ServerTls | None:

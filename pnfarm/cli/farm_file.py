@@ -210,6 +210,7 @@ def summary(config: FarmConfig) -> str:
     """A summary of the farm file in one line."""
     from pnfarm.farm.file.choice import bus_of_controller
     from pnfarm.farm.file.reading import expand
+    from pnfarm.vocabulary.endpoints import host_port
 
     drives = expand(config)
     kinds = ", ".join(f"{count} {model}" for model, count in Counter(drive.model for drive in drives).items())
@@ -220,7 +221,7 @@ def summary(config: FarmConfig) -> str:
         api = config.api
         parts.insert(0, f"farm {config.farm}")
         parts.append(f"on {link_text(config)}")
-        parts.append("no API" if api is None else f"API {api.host}:{api.port}")
+        parts.append("no API" if api is None else f"API {host_port(api.host, api.port)}")
     several = len(config.controllers) > 1
     for section in config.controllers:
         on = f" on {bus_of_controller(section).title}" if several else ""

@@ -21,6 +21,7 @@ from pnfarm.farm.load import Load, load_of
 from pnfarm.farm.memory.postgres import answer_seconds
 from pnfarm.farm.shard import part_of
 from pnfarm.terminal.working import working
+from pnfarm.vocabulary.endpoints import host_port
 
 if TYPE_CHECKING:
     from pnfarm.farm.file.reading import FarmConfig
@@ -85,7 +86,7 @@ def _api(config: FarmConfig) -> list[Finding]:
     if config.api is None:
         return []
     host, port = config.api.listen
-    shown = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    shown = host_port(host, port)
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as probe:

@@ -15,6 +15,7 @@ from pnfarm.opcua.nodes import NAMESPACE, FarmNodes
 from pnfarm.opcua.points import FarmPoints
 from pnfarm.opcua.session import FarmSession
 from pnfarm.version import __version__
+from pnfarm.vocabulary.endpoints import host_port
 
 if TYPE_CHECKING:
     import socket
@@ -44,7 +45,7 @@ class FarmServer:
 
     def __init__(self, config: FarmConfig, section: OpcUa, found: socket.socket) -> None:
         host, port = found.getsockname()[:2]
-        self.url = f"opc.tcp://[{host}]:{port}" if ":" in host else f"opc.tcp://{host}:{port}"
+        self.url = f"opc.tcp://{host_port(host, port)}"
         self._config = config
         self._section = section
         self._found = found

@@ -48,6 +48,11 @@ def test_validate_sums_a_good_file_up(pnfarm, write):
     assert found.out == f"{path}: OK, {wanted}\n"
 
 
+def test_the_address_of_an_api_has_brackets_as_one_writes_it(pnfarm, write):
+    path = write(FARM + 'api: "[::1]:8702"\n')
+    assert pnfarm("validate", path).out.endswith(", API [::1]:8702\n")
+
+
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.pnfarm.yml")), ids=lambda path: path.name)
 def test_every_file_that_comes_with_the_project_is_valid(pnfarm, path):
     assert pnfarm("validate", path).code == 0

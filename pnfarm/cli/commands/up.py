@@ -16,6 +16,7 @@ from pnfarm.terminal.output import print_line, print_table
 from pnfarm.terminal.settings import FarmFile, ShardOption, setting, settings
 from pnfarm.terminal.streams import going_on_unread
 from pnfarm.terminal.working import working
+from pnfarm.vocabulary.endpoints import host_port
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -225,9 +226,9 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
             # the same: users and certificate stay
             config = config.with_overrides({"opcua" if value == "off" else "opcua.listen": value}, origin)
         elif key.startswith("api."):
-            listen = "" if config.api is None else f"{_bracketed(config.api.host)}:{config.api.port}"
-            if not listen:
+            if config.api is None:
                 continue  # no API, no token
+            listen = host_port(config.api.host, config.api.port)
             # a file of the command line is in the folder where it is given, one of the farm file beside that
             given_here = str(value.absolute()) if isinstance(value, Path) else value
             config = config.with_overrides({"api": {"listen": listen, **_secret(config), name: given_here}}, origin)
@@ -243,10 +244,6 @@ def _secret(config: FarmConfig) -> dict[str, str]:
     """The file's keys of the API beside its address."""
     keys = ("token", "token_file", "read_token", "tokens", "audit", "tls_cert", "tls_key")
     return {key: value for key in keys if (value := getattr(config.api, key, None)) is not None}
-
-
-def _bracketed(host: str) -> str:
-    return f"[{host}]" if ":" in host else host
 
 
 def _check_restore(farm: Farm, name: str) -> None:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.errors import InternalError
 from pnfarm.links.serial.descriptor import MOST_WAITING, PARITY, import_serial
 from pnfarm.links.serial.line import LineCounters
+from pnfarm.vocabulary.endpoints import host_port
 
 if TYPE_CHECKING:
     from pnfarm.links.serial.line import AtOnce, LineNews, LineReceiver
@@ -35,7 +36,7 @@ class Rfc2217Line:
     kind = "rfc2217"
 
     def __init__(self, host: str, port: int, baud: int) -> None:
-        self._peer = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        self._peer = host_port(host, port)
         self._baud = baud
         self._counters = LineCounters()
         self._receiver: LineReceiver | None = None

@@ -9,14 +9,11 @@ import socket
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.links.serial.descriptor import FdLine
+from pnfarm.vocabulary.endpoints import host_port
 
 __all__ = ["ConnectLine", "ListenLine"]
 
 _CONNECT_SECONDS = 5.0
-
-
-def _as_text(host: str, port: int) -> str:
-    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _ready(sock: socket.socket) -> None:
@@ -42,7 +39,7 @@ class ConnectLine(FdLine):
 
     @property
     def where(self) -> str:
-        return _as_text(*self._peer)
+        return host_port(*self._peer)
 
     async def _begin(self) -> None:
         self._try()
@@ -110,7 +107,7 @@ class ListenLine(FdLine):
 
     @property
     def where(self) -> str:
-        return _as_text(self._host, self.port)
+        return host_port(self._host, self.port)
 
     async def _begin(self) -> None:
         loop = asyncio.get_running_loop()
