@@ -53,6 +53,18 @@ def test_a_wrong_cycle_is_reported_once_with_fast_drives_too(cycle):
     assert the_issue(QUICK + f"controller: {{cycle: {cycle}}}\n").field == "controller.cycle"
 
 
+FOREIGN = "controller: {{interface: eth1, watchdog_factor: {}, devices: [{{name: valve, gsdml: valve.xml{}}}]}}\n"
+
+
+def test_a_devices_own_watchdog_factor_counts_and_not_the_controllers():
+    parse(FOREIGN.format(60, ", cycle: 64ms, watchdog_factor: 3"))
+    issue = the_issue(FOREIGN.format(3, ", cycle: 64ms, watchdog_factor: 60"))
+    assert (issue.field, issue.line) == ("controller.devices[0].watchdog_factor", 1)
+    assert issue.what == "60 cycles of 64ms are too long a watchdog"
+    issue = the_issue(FOREIGN.format(60, ", cycle: 64ms"))
+    assert (issue.field, issue.what) == ("controller.devices[0].cycle", "60 cycles of 64ms are too long a watchdog")
+
+
 def test_a_file_for_foreign_devices_needs_no_farm():
     farm = parse(
         "controller: {interface: eth1, cycle: 16ms, reconnect: off,\n"

@@ -147,9 +147,11 @@ def check_devices(controller: ProfinetController, claims: Claims, report: Report
                 what = f"does not fit the controller's send clock: {error}"
                 report((*at, "cycle"), what, "a multiple of it by a power of two to 512")
             continue
-        if clock.cycle_ns * controller.watchdog_factor > MAX_WATCHDOG_NS:
-            what = f"{controller.watchdog_factor} cycles of {format_duration(clock.cycle_ns)} are too long a watchdog"
-            report((*at, "cycle"), what, "a watchdog of at most 1.92s")
+        own = device.watchdog_factor
+        factor = controller.watchdog_factor if own is None else own
+        if clock.cycle_ns * factor > MAX_WATCHDOG_NS:
+            what = f"{factor} cycles of {format_duration(clock.cycle_ns)} are too long a watchdog"
+            report((*at, "cycle" if own is None else "watchdog_factor"), what, "a watchdog of at most 1.92s")
 
 
 def check_controller(
