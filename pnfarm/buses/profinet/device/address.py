@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from ipaddress import IPv4Address, IPv4Interface
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.device import events
 from pnfarm.errors import DecodeError
@@ -34,36 +34,34 @@ from pnfarm.station.events import StartUpPhase
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.buses.profinet.device.config import DeviceConfig
+    from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
+    from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
     from pnfarm.protocols.ip.host import IpEvent
     from pnfarm.protocols.profinet.dcp.rules import DcpDeviceEvent
     from pnfarm.station.event import Event
 
-__all__ = ["Note", "StationAddress"]
+__all__ = ["StationAddress"]
 
 _MS = 1_000_000
 #: Most Hellos in a row (coding of FSHelloRetry: 1 to 15).
 _MOST_HELLOS = 15
 
 
-class Note(Protocol):
-    """Writes one entry of the drive's event log."""
-
-    def __call__(self, now: int, event: Event, /) -> None: ...
-
-
 class StationAddress:
-    """``kept`` is the memory as it was at power-on; ``keep`` writes one key through."""
+    """``kept`` is the memory as it was at power-on; ``keep`` writes one key through, ``note`` an event.
+
+    ``config``: its address and name apply while the memory has none.
+    """
 
     def __init__(
         self,
         mac: bytes,
         identity: DcpIdentity,
-        config: DeviceConfig,
+        config: ProfinetDriveConfig | ProfinetDeviceConfig,
         kept: Mapping[str, Any],
         *,
         keep: Callable[[int, str, Any], None],
-        note: Note,
+        note: Callable[[int, Event], None],
     ) -> None:
         self._keep, self._note = keep, note
         address, gateway, dns = config.ip, config.gateway, NO_DNS

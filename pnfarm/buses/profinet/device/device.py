@@ -58,8 +58,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.buses.bus import DeviceServices
+    from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
+    from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
     from pnfarm.buses.profinet.device.ar_channels import ArChannels
-    from pnfarm.buses.profinet.device.config import DeviceConfig
     from pnfarm.buses.profinet.device.kind import Kind
     from pnfarm.engine.channels.closed_channels import ClosedChannels
     from pnfarm.links.base import Port
@@ -212,9 +213,9 @@ class ProfinetDevice:
         return cast("Port", self.station.port)
 
     @property
-    def config(self) -> DeviceConfig:
+    def config(self) -> ProfinetDriveConfig | ProfinetDeviceConfig:
         """This drive's settings in the farm file."""
-        return cast("DeviceConfig", self.station.config)
+        return cast("ProfinetDriveConfig | ProfinetDeviceConfig", self.station.config)
 
     @property
     def ars(self) -> dict[int, ArChannels]:

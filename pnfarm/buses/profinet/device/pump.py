@@ -26,11 +26,11 @@ from pnfarm.station.visits import Caller
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet
 
 if TYPE_CHECKING:
-    from pnfarm.buses.profinet.device.config import DeviceConfig
+    from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
+    from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
     from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
     from pnfarm.buses.profinet.device.connections import StationConnections
     from pnfarm.protocols.ip.host import IpHost
-    from pnfarm.protocols.profinet.records.store import DeviceRecords
     from pnfarm.protocols.profinet.rpc.client import RpcClient
     from pnfarm.protocols.profinet.rpc.server import RpcServer
     from pnfarm.protocols.profinet.snmp.agent import SnmpAgent
@@ -52,11 +52,10 @@ class PumpedDevice(DeviceParts, Protocol):
     ip: IpHost
     rpc: RpcServer
     client: RpcClient
-    records: DeviceRecords
     snmp: SnmpAgent
 
     @property
-    def config(self) -> DeviceConfig:
+    def config(self) -> ProfinetDriveConfig | ProfinetDeviceConfig:
         """This drive's settings in the farm file."""
 
 
