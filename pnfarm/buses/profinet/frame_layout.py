@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.engine.channels.parts import Piece, Rider
 from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.plain_layout import PlainPlace
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
 
-__all__ = ["Carrier", "FrameLayout", "frame_layout"]
+__all__ = ["Carrier", "FrameLayout", "frame_layout", "row_keys"]
 
 
 @value_class
@@ -110,3 +110,17 @@ def frame_layout(
     )
     first = (tuple(words[0]), tuple(iops[0])) if carriers else ((), ())
     return FrameLayout(*first, tuple(constants), riders, tuple(pieces))
+
+
+def row_keys(channel: IocrLayout, frame: FrameLayout) -> dict[str, Any]:
+    """What a row has of a CR and its frames, by the fields of a provider's plan and of a consumer's."""
+    return {
+        "frame_id": channel.frame_id,
+        "data_length": channel.data_length,
+        "send_clock_factor": channel.send_clock_factor,
+        "reduction_ratio": channel.reduction_ratio,
+        "words": frame.words,
+        "iops": frame.iops,
+        "riders": frame.riders,
+        "pieces": frame.pieces,
+    }

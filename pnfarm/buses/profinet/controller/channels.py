@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.controllers.channels import ChannelRows
-from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
+from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout, row_keys
 from pnfarm.engine.channels.schedule import ConsumerPlan, ProviderPlan
 
 if TYPE_CHECKING:
@@ -30,18 +30,10 @@ class SessionChannels(ChannelRows):
         session.layouts = event.layouts
         for layout in event.layouts:
             frame = _layout(session, layout, ())
-            common: dict[str, Any] = {
+            common = row_keys(layout, frame) | {
                 "image": session.row,
                 "port": self._port.index,
                 "plain": session.index,
-                "frame_id": layout.frame_id,
-                "data_length": layout.data_length,
-                "send_clock_factor": layout.send_clock_factor,
-                "reduction_ratio": layout.reduction_ratio,
-                "words": frame.words,
-                "iops": frame.iops,
-                "riders": frame.riders,
-                "pieces": frame.pieces,
             }
             if layout.is_input:
                 consumer = ConsumerPlan(
@@ -99,7 +91,7 @@ def _layout(session: DeviceSession, layout: IocrLayout, unusable: Container[Expe
     return frame_layout(layout, (), unusable, places, receives=layout.is_input)
 
 
-def _carriers(session: DeviceSession, layout: IocrLayout, unusable: Container[ExpectedKey] = ()) -> list[Carrier]:
+def _carriers(session: DeviceSession, layout: IocrLayout, unusable: Container[ExpectedKey]) -> list[Carrier]:
     """The axes' parts of a frame."""
     return [
         Carrier(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.device.ar_channels import ArChannels
+from pnfarm.buses.profinet.frame_layout import row_keys
 from pnfarm.engine.channels.closed_channels import ClosedChannels
 from pnfarm.engine.channels.schedule import ConsumerPlan, ProviderPlan
 from pnfarm.protocols.profinet.description import MAX_SUPERVISOR_ARS
@@ -98,65 +99,42 @@ class StationChannels:
         ar.feeds = self._kind.feeds(ar)
         self.ars[event.ar_key] = ar
         for cr in event.iocrs:
-            if cr.is_input:
-                self._provide(ar, cr)
-            else:
-                self._consume(ar, cr)
+            self._open_row(ar, cr)
         return ar
 
-    def _provide(self, ar: ArChannels, cr: IocrLayout) -> None:
-        layout = self._kind.layout(cr, ar, ar.bad)
-        row = self._channels.open_provider(
-            ProviderPlan(
-                image=self._index,
-                port=self._port.index,
+    def _open_row(self, ar: ArChannels, cr: IocrLayout) -> None:
+        frame = self._kind.layout(cr, ar, ar.bad)
+        common = row_keys(cr, frame) | {
+            "image": self._index,
+            "port": self._port.index,
+            "plain": self._kind.plain_row,
+            "drift": self._drift,
+        }
+        if cr.is_input:
+            provider = ProviderPlan(
+                **common,
                 destination=ar.mac,
                 source=self._port.mac,
-                frame_id=cr.frame_id,
-                data_length=cr.data_length,
-                send_clock_factor=cr.send_clock_factor,
-                reduction_ratio=cr.reduction_ratio,
-                words=layout.words,
-                iops=layout.iops,
-                constants=layout.constants,
+                constants=frame.constants,
                 iocs=[status.iocs_offset for status in cr.iocs if status.iocs_offset is not None],
                 # a controller that leaves every phase at 1 gets its drives' frames spread nevertheless
                 phase=cr.phase - 1 if cr.phase > 1 else self._index,
                 tag=cr.tag_header,
-                drift=self._drift,
-                riders=layout.riders,
-                pieces=layout.pieces,
-                plain=self._kind.plain_row,
             )
-        )
-        ar.providers.append((row, cr))
-        self._impairments.channel_opened(self._index, "out", row)
-
-    def _consume(self, ar: ArChannels, cr: IocrLayout) -> None:
-        layout = self._kind.layout(cr, ar, ar.bad)
-        row = self._channels.open_consumer(
-            ConsumerPlan(
-                image=self._index,
-                port=self._port.index,
+            row = self._channels.open_provider(provider)
+            ar.providers.append((row, cr))
+        else:
+            consumer = ConsumerPlan(
+                **common,
                 destination=self._port.mac,
                 source=ar.mac,
-                frame_id=cr.frame_id,
-                data_length=cr.data_length,
-                send_clock_factor=cr.send_clock_factor,
-                reduction_ratio=cr.reduction_ratio,
                 data_hold_factor=cr.data_hold_factor,
-                words=layout.words,
-                iops=layout.iops,
                 feeds=0 in ar.feeds,
                 zeroes=True,
-                drift=self._drift,
-                riders=layout.riders,
-                pieces=layout.pieces,
-                plain=self._kind.plain_row,
             )
-        )
-        ar.consumers.append((row, cr))
-        self._impairments.channel_opened(self._index, "in", row)
+            row = self._channels.open_consumer(consumer)
+            ar.consumers.append((row, cr))
+        self._impairments.channel_opened(self._index, "out" if cr.is_input else "in", row)
 
     def rewrite(self) -> None:
         """Apply a new mapping to the open channels, in place."""
