@@ -62,7 +62,7 @@ _RPC_HEAD = 80
 #: The last eight octets of a call's interface UUID are the same in both data representations.
 _INTERFACE_TAIL = slice(32, 40)
 _INTERFACE_TAILS = frozenset({UUID_PNIO_DEVICE.bytes[8:], UUID_EPM.bytes[8:]})
-_SERVICES = {
+_SERVICES: Mapping[int, str] = {
     Opnum.CONNECT: "Connect",
     Opnum.RELEASE: "Release",
     Opnum.READ: "Read",
@@ -114,7 +114,7 @@ def rpc(packet: Packet, shared: Shared) -> Iterator[Description]:
 def _pdu(pdu: RpcPdu, packet: Packet, called: IPv4Address, shared: Shared) -> Iterator[Description]:
     key = (pdu.activity, pdu.sequence)
     call = shared.calls.get(key)
-    service = _SERVICES.get(Opnum(pdu.opnum), "") if pdu.opnum <= max(Opnum) else f"operation {pdu.opnum}"
+    service = _SERVICES.get(pdu.opnum, f"operation {pdu.opnum}")
     match pdu.kind:
         case PacketType.REQUEST:
             begin = None if pdu.is_fragment and pdu.fragment_number else hash(pdu.body)

@@ -7,22 +7,17 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.channels import Channel, make_template, telegrams_of
 from pnfarm.buses.profinet.decode.identity import learn_identity
+from pnfarm.buses.profinet.decode.observed import cr_cycle_ns, expected_apis
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.cm.ar import IocrLayout, LayoutError, compute_layout, expected_submodules
 from pnfarm.protocols.profinet.cm.device.diff import expected_idents
 from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArBlockRes, ArProperties, ArServerBlock, ArType
-from pnfarm.protocols.profinet.wire.cm.expected import (
-    ExpectedApi,
-    ExpectedSubmoduleBlockReq,
-    IdentInfo,
-    ModuleDiffBlock,
-    ModuleState,
-)
+from pnfarm.protocols.profinet.wire.cm.expected import ExpectedApi, IdentInfo, ModuleDiffBlock, ModuleState
 from pnfarm.protocols.profinet.wire.cm.iocr import FRAME_ID_ASSIGN, IocrBlockReq, IocrBlockRes, IocrType
-from pnfarm.wire.rtc import SEND_CLOCK_NS
+from pnfarm.protocols.profinet.wire.rpc.pdu import device_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
     from pnfarm.buses.profinet.decode.shared import Shared
     from pnfarm.captures.packet import Packet
@@ -31,13 +26,13 @@ if TYPE_CHECKING:
 
 __all__ = ["connect_request", "connect_response", "forget_asked"]
 
-_AR_TYPES = {
+_AR_TYPES: Mapping[int, str] = {
     ArType.IOCAR_SINGLE: "",
     ArType.IOSAR: "supervisor ",
     ArType.IOCAR_SINGLE_RT_CLASS_3: "RT class 3 ",
     ArType.IOCAR_SR: "redundant ",
 }
-_DIRECTIONS = {IocrType.INPUT: "input", IocrType.OUTPUT: "output"}
+_DIRECTIONS: Mapping[int, str] = {IocrType.INPUT: "input", IocrType.OUTPUT: "output"}
 
 
 def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shared: Shared) -> Description:
@@ -50,18 +45,16 @@ def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shar
     if ar is None:
         return Description("Connect.req", "without an AR block", {}, {"connects": ""})
     shared.stations.learn(packet.source, name=ar.station_name.decode("latin-1"))
-    # the object UUID ends in instance, device and vendor (IEC 61158-6-10, 4.10.3.2)
-    node = pdu.object_uuid.bytes[10:]
-    vendor, device = int.from_bytes(node[4:6], "big"), int.from_bytes(node[2:4], "big")
+    _, device, vendor = device_of(pdu.object_uuid)
     learn_identity(shared.stations, packet.destination, vendor, device)
     startup = "advanced" if ar.properties & ArProperties.STARTUP_MODE_ADVANCED else "legacy"
-    kind = _AR_TYPES.get(ArType(ar.ar_type), "") if ar.ar_type in list(ArType) else f"type 0x{ar.ar_type:04X} "
+    kind = _AR_TYPES.get(ar.ar_type, f"type 0x{ar.ar_type:04X} ")
     parts = [f"{kind}AR {str(ar.ar_uuid)[:8]}, {startup} start-up"]
     iocrs = [b for b in blocks if isinstance(b, IocrBlockReq)]
     parts += dict.fromkeys(_cycle(iocr) for iocr in iocrs)
-    parts.append(_expected(_apis(blocks), packet.destination, shared))
+    parts.append(_expected(expected_apis(blocks), packet.destination, shared))
     parts += [
-        f"{_DIRECTIONS[IocrType(c.iocr_type)]} frame id 0x{c.frame_id:04X}"
+        f"{_DIRECTIONS[c.iocr_type]} frame id 0x{c.frame_id:04X}"
         for c in iocrs
         if c.frame_id != FRAME_ID_ASSIGN and c.iocr_type in _DIRECTIONS
     ]
@@ -71,12 +64,12 @@ def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shar
 
 def _ask(blocks: tuple[Block, ...], packet: Packet, shared: Shared) -> None:
     """Channels whose frame id is in the request."""
-    expected = expected_submodules(_apis(blocks))
+    expected = expected_submodules(expected_apis(blocks))
     layouts = []
     for iocr in (b for b in blocks if isinstance(b, IocrBlockReq) and b.frame_id != FRAME_ID_ASSIGN):
         with suppress(LayoutError):  # reported with the response
             layouts.append(compute_layout(iocr, expected))
-    for key, channel in _channels(layouts, _apis(blocks), packet.source, packet.destination, shared):
+    for key, channel in _channels(layouts, expected_apis(blocks), packet.source, packet.destination, shared):
         shared.asked[key] = channel
 
 
@@ -88,12 +81,7 @@ def forget_asked(request: tuple[Block, ...], controller: bytes, device: bytes, s
 
 
 def _cycle(iocr: IocrBlockReq) -> str:
-    cycle_ns = SEND_CLOCK_NS * iocr.send_clock_factor * iocr.reduction_ratio
-    return f"cycle {cycle_ns / 1e6:g} ms, watchdog {iocr.watchdog_factor} x"
-
-
-def _apis(blocks: Iterable[Block]) -> tuple[ExpectedApi, ...]:
-    return tuple(api for b in blocks if isinstance(b, ExpectedSubmoduleBlockReq) for api in b.apis)
+    return f"cycle {cr_cycle_ns(iocr) / 1e6:g} ms, watchdog {iocr.watchdog_factor} x"
 
 
 def _expected(apis: tuple[ExpectedApi, ...], device: bytes, shared: Shared) -> str:
@@ -130,15 +118,15 @@ def connect_response(
                 texts.append(_diff(block))
     layouts: list[IocrLayout] = []
     problems: list[str] = []
-    expected = expected_submodules(_apis(request))
+    expected = expected_submodules(expected_apis(request))
     given = {b.iocr_reference: b.frame_id for b in answer if isinstance(b, IocrBlockRes)}
     for iocr in (b for b in request if isinstance(b, IocrBlockReq)):
         try:
             layouts.append(compute_layout(iocr, expected, given.get(iocr.iocr_reference)))
         except LayoutError as exc:
             problems.append(f"layout of CR {iocr.iocr_reference} is impossible: {exc.detail}")
-    texts += [f"{_DIRECTIONS[IocrType(c.iocr_type)]} frame id 0x{c.frame_id:04X}" for c in layouts]
-    _open(layouts, _apis(request), controller, device, shared)
+    texts += [f"{_DIRECTIONS[c.iocr_type]} frame id 0x{c.frame_id:04X}" for c in layouts]
+    _open(layouts, expected_apis(request), controller, device, shared)
     return Description("Connect.res", ", ".join([*texts, *problems]))
 
 

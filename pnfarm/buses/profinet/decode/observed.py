@@ -5,7 +5,6 @@ The decoder reports each fact as it finds it.  Of each kind a bounded number is 
 
 from __future__ import annotations
 
-import struct
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
@@ -22,6 +21,7 @@ from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockReq
 from pnfarm.protocols.profinet.wire.dcp import blocks
 from pnfarm.protocols.profinet.wire.records.container import parse_container
 from pnfarm.protocols.profinet.wire.records.identification import Im0
+from pnfarm.protocols.profinet.wire.rpc.pdu import device_of
 from pnfarm.wire.mac import is_group
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.block import Block
     from pnfarm.protocols.profinet.wire.records.iod import IodWriteReqHeader, IodWriteResHeader, WriteRequest
 
-__all__ = ["Observed", "RecordPlace", "SeenConnection", "SeenStation"]
+__all__ = ["Observed", "RecordPlace", "SeenConnection", "SeenStation", "cr_cycle_ns", "expected_apis"]
 
 #: Start-up records that are kept of a connection, their octets, ports of a station, its names and its addresses.
 MOST_RECORDS, MOST_OCTETS, MOST_PORTS, MOST_CHANGES = 4096, 1 << 20, 64, 16
@@ -99,7 +99,7 @@ class SeenConnection:
 
     @property
     def apis(self) -> tuple[ExpectedApi, ...]:
-        return _expected(self.request)
+        return expected_apis(self.request)
 
     @property
     def controller_name(self) -> str:
@@ -111,14 +111,14 @@ class SeenConnection:
 
     @property
     def cycle_ns(self) -> int:
-        return min(map(_cycle_ns, self.iocrs))
+        return min(map(cr_cycle_ns, self.iocrs))
 
     @property
     def cycles(self) -> dict[int, int]:
         """The fastest cycle of each slot that has a place among the data of a CR, ns."""
         found: dict[int, int] = {}
-        for iocr in sorted(self.iocrs, key=_cycle_ns, reverse=True):
-            found |= {place.slot: _cycle_ns(iocr) for api in iocr.apis for place in api.data_objects}
+        for iocr in sorted(self.iocrs, key=cr_cycle_ns, reverse=True):
+            found |= {place.slot: cr_cycle_ns(iocr) for api in iocr.apis for place in api.data_objects}
         return found
 
     @property
@@ -133,11 +133,13 @@ def _last(value: _Value, known: list[_Value]) -> _Value:
     return value
 
 
-def _cycle_ns(iocr: IocrBlockReq) -> int:
+def cr_cycle_ns(iocr: IocrBlockReq) -> int:
+    """Between two frames of a CR."""
     return SEND_CLOCK_NS * iocr.send_clock_factor * iocr.reduction_ratio
 
 
-def _expected(request: Iterable[Block]) -> tuple[ExpectedApi, ...]:
+def expected_apis(request: Iterable[Block]) -> tuple[ExpectedApi, ...]:
+    """The modules that a Connect expects, by slot."""
     return tuple(api for block in request if isinstance(block, ExpectedSubmoduleBlockReq) for api in block.apis)
 
 
@@ -194,13 +196,12 @@ class Observed:
         if ar is None or ar.ar_type == ArType.IOSAR:
             return
         target, address = called
-        # the object UUID ends in instance, device and vendor (IEC 61158-6-10, 4.10.3.2)
-        instance, number, vendor = struct.unpack(">HHH", target.bytes[10:])
+        instance, number, vendor = device_of(target)
         seen = self.station(device)
         seen.called = address
         if seen.vendor is None:
             seen.vendor, seen.device = vendor, number
-        key = controller, device, _expected(request)
+        key = controller, device, expected_apis(request)
         found = self.connections.pop(key, None)
         if found is None:
             found = SeenConnection(controller, device, (vendor, number, instance), request, now)

@@ -8,6 +8,7 @@ from pnfarm.protocols.profinet.cm.device.diff import expected_idents
 from pnfarm.protocols.profinet.cm.device.events import RecordRefused, RecordWritten
 from pnfarm.protocols.profinet.errors import ConnectFault, describe_status
 from pnfarm.protocols.profinet.wire.cm.expected import ArInfo, IdentInfo, ModuleState
+from pnfarm.protocols.profinet.wire.rpc.pdu import device_of
 from pnfarm.station.visits import Refusal
 
 if TYPE_CHECKING:
@@ -37,9 +38,8 @@ def of_connect(status: PnioStatus, detail: str) -> Refusal:
 
 
 def of_device(asked: UUID, description: DeviceDescription) -> Refusal:
-    """The object UUID of a Connect names another device (IEC 61158-6-10, 4.10.3.2)."""
-    instance, device, vendor = (int.from_bytes(asked.bytes[place : place + 2], "big") for place in (10, 12, 14))
-    expects = _device(instance, device, vendor)
+    """The object UUID of a Connect names another device."""
+    expects = _device(*device_of(asked))
     own = _device(description.instance, description.device_id, description.vendor_id)
     return Refusal(f"the controller expects {expects}, this is {own}", ("gsdml",))
 

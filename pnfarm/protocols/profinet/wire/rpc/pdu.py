@@ -41,6 +41,7 @@ __all__ = [
     "ResponseArgs",
     "RpcPdu",
     "args_length_invalid",
+    "device_of",
     "drep",
     "emit_request_args",
     "emit_response_args",
@@ -76,6 +77,7 @@ UUID_PNIO_CONTROLLER: Final = UUID("dea00002-6c97-11d1-8271-00a02442df7d")
 UUID_EPM: Final = UUID("e1af8308-5d1f-11c9-91a4-08002b14a0fa")
 
 _OBJECT_PREFIX: Final = bytes.fromhex("dea000006c9711d18271")
+_NODE: Final = struct.Struct(">HHH")
 
 
 class PacketType(IntEnum):
@@ -161,8 +163,13 @@ def status_name(code: int) -> str:
 
 def object_uuid(instance: int, device_id: int, vendor_id: int) -> UUID:
     """The object UUID of an IO device: instance, device and vendor in its node (IEC 61158-6-10, 4.10.3.2)."""
-    node = instance.to_bytes(2, "big") + device_id.to_bytes(2, "big") + vendor_id.to_bytes(2, "big")
-    return UUID(bytes=_OBJECT_PREFIX + node)
+    return UUID(bytes=_OBJECT_PREFIX + _NODE.pack(instance, device_id, vendor_id))
+
+
+def device_of(called: UUID) -> tuple[int, int, int]:
+    """Instance, device and vendor of an object UUID."""
+    instance, device_id, vendor_id = _NODE.unpack(called.bytes[len(_OBJECT_PREFIX) :])
+    return instance, device_id, vendor_id
 
 
 def drep(*, little_endian: bool) -> bytes:
