@@ -10,11 +10,11 @@ cycle refuses the pairs that exceed it.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.axis_slots import axis_shifts
 from pnfarm.buses.profinet.binding import AxisPlace, describe_device
+from pnfarm.buses.profinet.controller.identity import revision_text
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.dcp.rules import RESET_MODES
 from pnfarm.protocols.profinet.gsdml.document import (
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription, SubmoduleDescription
 
 __all__ = [
-    "MAU_100_FULL", "PNIO_VERSION", "SCHEMA_VERSION", "STATION", "Abilities", "describe_diagnosis",
+    "MAU_100_FULL", "PNIO_VERSION", "PROTOCOLS", "RESETS", "SCHEMA_VERSION", "describe_diagnosis",
     "describe_model", "dns_name", "file_name",
 ]  # fmt: skip
 
@@ -64,22 +64,10 @@ MAU_100_FULL = 16
 _INTERFACE_SUBSLOT = 0x8000
 
 
-@dataclass(frozen=True, slots=True)
-class Abilities:
-    """Capabilities of a station outside its device description; a test compares each with a station.
-
-    ``protocols`` are those of SNMP and LLDP that it supports.
-    """
-
-    protocols: tuple[str, ...] = ()
-    sends_hello: bool = False
-    reset_modes: tuple[int, ...] = tuple(sorted(RESET_MODES))
-    multiple_write: bool = True
-    startup_modes: tuple[str, ...] = ("Legacy", "Advanced")
-
-
-#: The farm's drives.
-STATION = Abilities(protocols=("SNMP", "LLDP"))
+#: Capabilities of a farm's device outside its description, each of which a test compares with a station: protocols, and
+#: modes of DCP's reset.  None sends DCP Hello unless its farm file says so.
+PROTOCOLS = ("SNMP", "LLDP")
+RESETS = Numbers.of(sorted(RESET_MODES))
 
 
 def dns_name(text: str) -> str:
@@ -243,7 +231,7 @@ def _supplement(model: Model, telegram: Telegram) -> SubmoduleItem:
 
 
 def _system(
-    model: Model, description: DeviceDescription, abilities: Abilities
+    model: Model, description: DeviceDescription
 ) -> tuple[tuple[InterfaceSubmodule, ...], tuple[PortSubmodule, ...]]:
     """The interfaces and ports among the DAP's submodules."""
     clocks, ratios = _timing(description)
@@ -261,10 +249,9 @@ def _system(
                 ident=s.submodule_ident,
                 subslot=s.subslot,
                 name=data.name,
-                protocols=abilities.protocols,
-                dcp_hello=abilities.sends_hello,
+                protocols=PROTOCOLS,
                 relations=Relations(
-                    startup_modes=abilities.startup_modes,
+                    startup_modes=("Legacy", "Advanced"),
                     number_of_ars=description.limits.max_ars,
                     send_clocks=clocks,
                     ratios=ratios,
@@ -274,8 +261,8 @@ def _system(
     return tuple(interfaces), tuple(ports)
 
 
-def _dap(model: Model, description: DeviceDescription, abilities: Abilities, info: Info) -> Dap:
-    interfaces, ports = _system(model, description, abilities)
+def _dap(model: Model, description: DeviceDescription, info: Info) -> Dap:
+    interfaces, ports = _system(model, description)
     largest = _largest(description)
     im0 = description.im0
     im = Numbers.of(number for number in range(1, 5) if im0.im_supported >> number & 1)
@@ -293,14 +280,14 @@ def _dap(model: Model, description: DeviceDescription, abilities: Abilities, inf
         implementation_type="pnfarm",
         dns_name=dns_name(model.name) or "drive",
         instance=description.instance,
-        multiple_write=abilities.multiple_write,
+        multiple_write=True,
         device_access=description.limits.max_device_access_ars > 0,
         device_access_ars=description.limits.max_device_access_ars,
         # a second controller gets the submodules that the first one does not hold
         shared_device=description.limits.max_ars > 1,
         check_device_id=True,
-        lldp_nod="LLDP" in abilities.protocols,
-        reset_modes=Numbers.of(abilities.reset_modes),
+        lldp_nod=True,
+        reset_modes=RESETS,
         max_input=largest[0],
         max_output=largest[1],
         certification=_CERTIFICATION,
@@ -375,7 +362,7 @@ def describe_diagnosis(model: Model) -> tuple[tuple[ChannelDiagnosis, ...], tupl
     return tuple(channels), (UnitDiagnosis(coding.user_structure, "Fault of the drive", fields=tuple(fields)),)
 
 
-def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
+def describe_model(model: Model) -> Gsdml:
     """The description of a drive of this model with strict limits.
 
     Raises :class:`ConfigError` for a model of another bus, and for one without texts for such a file.
@@ -384,14 +371,13 @@ def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
     # the MAC address makes only the serial number, which such a file does not hold
     description = describe_device(model, bytes(6), strict=True, axes=[AxisPlace(shift) for shift in _shifts(model)])
     im0 = description.im0
-    prefix, *version = im0.software_revision
     info = Info(
         name=model.title,
         info_text=file.info_text,
         vendor_name=model.maker,
         order_number=im0.order_id,
         hardware_release=str(im0.hardware_revision),
-        software_release=f"{prefix}{'.'.join(map(str, version))}",
+        software_release=revision_text(im0.software_revision),
     )
     diagnoses, unit_diagnoses = describe_diagnosis(model)
     supplements = tuple(_supplement(model, telegram) for telegram in model.profidrive.supplements.values())
@@ -404,7 +390,7 @@ def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
         main_family="Drives",
         product_family=file.family,
         schema_version=SCHEMA_VERSION,
-        daps=(_dap(model, description, abilities, info),),
+        daps=(_dap(model, description, info),),
         modules=tuple(modules),
         submodules=supplements,
         diagnoses=diagnoses,

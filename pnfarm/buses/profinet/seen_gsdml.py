@@ -10,7 +10,8 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.model_gsdml import MAU_100_FULL, PNIO_VERSION, SCHEMA_VERSION, STATION, dns_name
+from pnfarm.buses.profinet.controller.identity import revision_text
+from pnfarm.buses.profinet.model_gsdml import MAU_100_FULL, PNIO_VERSION, PROTOCOLS, RESETS, SCHEMA_VERSION, dns_name
 from pnfarm.buses.profinet.seen_device import SYSTEM, is_interface
 from pnfarm.protocols.profinet.gsdml.document import (
     DEFAULT_RATIOS,
@@ -52,10 +53,12 @@ _LONGEST = 1440
 #: Controllers at a time; real devices have up to eight.
 _MOST_CONTROLLERS = 16
 _U16 = 0xFFFF
+#: Characters of a text of the device.
+_MOST_TEXT = 200
 
 
-def _printable(text: str, most: int = 200) -> str:
-    return printable(text.strip()[:most])
+def _printable(text: str) -> str:
+    return printable(text.strip()[:_MOST_TEXT])
 
 
 def describe_seen(seen: SeenStation, device: SeenDevice, connections: Sequence[SeenConnection]) -> Gsdml:
@@ -136,13 +139,12 @@ class _Slot:
     def info(self, name: str) -> Info:
         if self.im0 is None:
             return Info(name, name)
-        prefix, *version = self.im0.software_revision
         return Info(
             name,
             name,
             order_number=_printable(self.im0.order_id.decode("ascii", "replace")),
             hardware_release=str(self.im0.hardware_revision),
-            software_release=_printable(f"{prefix}{'.'.join(map(str, version))}"),
+            software_release=_printable(revision_text(self.im0.software_revision)),
         )
 
 
@@ -178,7 +180,7 @@ def _dap(head: SeenModule, slot: _Slot, name: str, connections: Sequence[SeenCon
             one.ident,
             subslot,
             "Interface",
-            protocols=STATION.protocols,
+            protocols=PROTOCOLS,
             relations=relations,
             records=slot.records(subslot),
         )
@@ -196,7 +198,7 @@ def _dap(head: SeenModule, slot: _Slot, name: str, connections: Sequence[SeenCon
         min_device_interval=min(_U16, *(iocr.send_clock_factor * iocr.reduction_ratio for iocr in iocrs)) or 1,
         implementation_type="pnfarm",
         dns_name=dns_name(name) or "device",
-        multiple_write=STATION.multiple_write,
+        multiple_write=True,
         ioxs_required=not any(
             one.properties & discards for connection in connections for api in connection.apis for one in api.submodules
         ),
@@ -204,8 +206,8 @@ def _dap(head: SeenModule, slot: _Slot, name: str, connections: Sequence[SeenCon
         device_access_ars=1,
         shared_device=controllers > 1,
         check_device_id=True,
-        lldp_nod="LLDP" in STATION.protocols,
-        reset_modes=Numbers.of(STATION.reset_modes),
+        lldp_nod=True,
+        reset_modes=RESETS,
         max_input=longest,
         max_output=longest,
         submodules=tuple(

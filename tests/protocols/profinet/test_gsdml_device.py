@@ -25,7 +25,7 @@ from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.binding import describe_device, serial_number
 from pnfarm.buses.profinet.device.fault_diagnosis import fault_entry
-from pnfarm.buses.profinet.model_gsdml import STATION, describe_model, file_name
+from pnfarm.buses.profinet.model_gsdml import describe_model, file_name
 from pnfarm.drives import catalogue
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model, models
@@ -341,14 +341,6 @@ def test_models_of_one_device_id_share_an_ident_only_where_it_means_the_same():
             data = [(s.ident, s.api, s.inputs, s.outputs) for s in module.submodules]
             assert parts.setdefault((*family, module.ident), data) == data
     assert len(access_points) == len(NAMES)
-
-
-def test_other_abilities_are_in_the_file_as_given():
-    able = replace(STATION, protocols=("SNMP", "LLDP"), sends_hello=True, reset_modes=(2,), startup_modes=("Legacy",))
-    (dap,) = describe_model(model(NAMES[0]), able).daps
-    (interface,) = dap.interfaces
-    assert (interface.protocols, interface.dcp_hello, dap.lldp_nod) == (("SNMP", "LLDP"), True, True)
-    assert (list(dap.reset_modes), dap.relations.startup_modes) == ([2], ("Legacy",))
 
 
 def test_faults_that_are_reported_as_diagnosis_have_their_texts_in_the_file():
