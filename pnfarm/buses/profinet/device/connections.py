@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.device import events as happened
 from pnfarm.buses.profinet.device import refused
-from pnfarm.buses.profinet.device.memory.record_memory import record_word
+from pnfarm.buses.profinet.device.memory.record_memory import record_words
 from pnfarm.protocols.profinet.cm.device.events import (
     AlarmConfirmed,
     ApplicationReadyConfirmed,
@@ -82,7 +82,7 @@ class StationConnections:
 
     def next_deadline(self) -> int | None:
         """When an ApplicationReady that is held back is due."""
-        return min(entry[0] for entry in self._ready_due) if self._ready_due else None
+        return min((entry[0] for entry in self._ready_due), default=None)
 
     def handle_timeout(self, now: int) -> None:
         for entry in [e for e in self._ready_due if e[0] <= now]:
@@ -149,11 +149,7 @@ class StationConnections:
                     self._station.note(now, happened.IsochronousIgnored(slot, subslot, index))
                 self._station.addressing.record_written(index, data, now)
                 if self._station.neighbours.pdev.handles(subslot, index):
-                    self._station.keep(
-                        now,
-                        "pdev",
-                        {record_word(key): octets for key, octets in self._station.neighbours.pdev.written.items()},
-                    )
+                    self._station.keep(now, "pdev", record_words(self._station.neighbours.pdev.written))
 
     # -- channels ----------------------------------------------------------------------------------------------------
 

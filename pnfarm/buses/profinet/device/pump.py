@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from pnfarm.buses.profinet.device import events as happened
 from pnfarm.buses.profinet.device.management.neighbours import port_diagnosis
 from pnfarm.buses.profinet.device.memory.factory_reset import clear_memory
-from pnfarm.buses.profinet.device.memory.record_memory import record_word
+from pnfarm.buses.profinet.device.memory.record_memory import record_words
 from pnfarm.buses.profinet.device.parts import DeviceParts
 from pnfarm.errors import InternalError
 from pnfarm.protocols.ip.host import DatagramReceived
@@ -233,7 +233,7 @@ class DevicePump:
             del self._calls[call_id]
         texts = device.records.im.events()
         if texts:
-            device.keep(now, "im", {record_word(key): data for key, data in device.records.im.texts.items()})
+            device.keep(now, "im", record_words(device.records.im.texts))
         return bool(responses or calls or changed or events)
 
     def _snmp(self, now: int) -> bool:

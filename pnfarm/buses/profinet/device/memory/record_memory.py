@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-__all__ = ["record_word", "records_of"]
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["record_words", "records_of"]
 
 
-def record_word(key: tuple[int, int, int]) -> str:
-    """(slot, subslot, index) as a key of the memory."""
-    return ".".join(map(str, key))
+def record_words(records: Mapping[tuple[int, int, int], bytes]) -> dict[str, bytes]:
+    """Records by (slot, subslot, index) as the memory has them."""
+    return {".".join(map(str, key)): data for key, data in records.items()}
 
 
 def records_of(kept: dict[str, bytes] | None) -> dict[tuple[int, int, int], bytes]:
