@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.checking import NOTHING, StationFacts, place_text, readable
+from pnfarm.buses.profinet.axis_slots import model_slots
 from pnfarm.buses.profinet.binding import axis_places, describe_device
 from pnfarm.buses.profinet.controller.identity import revision_text
 
@@ -67,8 +68,7 @@ def _open_slots(description: DeviceDescription, model: Model | None, fixed: Sequ
     """Those whose module the controller chooses: of axes without a telegram in the file."""
     if model is None or fixed is None:
         return set()
-    own = {module.slot for telegram in model.profidrive.telegrams.values() for module in telegram.modules}
-    return set(description.slots) - {slot + shift for slot in own for shift in fixed}
+    return set(description.slots) - {slot + shift for slot in model_slots(model) for shift in fixed}
 
 
 def _expected_modules(description: DeviceDescription, free: set[int]) -> Mapping[str, tuple[str, ...]]:
