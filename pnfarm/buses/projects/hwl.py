@@ -118,12 +118,12 @@ class _Builder:
         links = [link for root in self._roots for system in root.each("IoSystems") for link in self._system(system)]
         return CaexProject(self._root, tuple(links))
 
-    def _applied(self, kind: str, holder: _Item, depth: int = 0) -> Iterator[_Item]:
+    def _applied(self, kind: str, holder: _Item) -> Iterator[_Item]:
         """The items of a list, and the contents of the templates that it applies."""
         for item in holder.each(kind):
-            yield from self._one(kind, item, depth)
+            yield from self._one(kind, item)
 
-    def _one(self, kind: str, item: _Item, depth: int) -> Iterator[_Item]:
+    def _one(self, kind: str, item: _Item, depth: int = 0) -> Iterator[_Item]:
         self._count += 1
         if self._count > MAX_PARTS:
             raise NotHwlError(f"there are more than {MAX_PARTS} devices and parts")
