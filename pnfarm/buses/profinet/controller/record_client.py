@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError, RemoteError
+from pnfarm.protocols.deadlines import earliest
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.named import Named
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
@@ -179,7 +180,7 @@ class RecordClient:
         return [*self._dcp.to_send(now), *self._ip.to_send(now)]
 
     def next_deadline(self) -> int | None:
-        return min((d for m in self._machines() if (d := m.next_deadline()) is not None), default=None)
+        return earliest(*self._machines())
 
     def handle_timeout(self, now: int) -> None:
         for machine in self._machines():
