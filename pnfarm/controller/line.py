@@ -16,7 +16,7 @@ from pnfarm.config.links import MemoryLink as MemorySection
 from pnfarm.controller.group import Controllers
 from pnfarm.controller.plan import plan_controllers
 from pnfarm.controller.program_file import program_of, program_settings
-from pnfarm.controller.program_runner import ProgramRunner
+from pnfarm.controller.program_runner import ProgramRunner, with_programs
 from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore
@@ -56,11 +56,7 @@ class JoinedControllers:
 
     def summary(self) -> list[dict[str, Any]]:
         """Their drives, as rows of ``pnfarm plc --json``."""
-        programs = self.programs
-        return [
-            row | {"program": None if programs is None else programs.snapshot(row["name"])}
-            for row in self.controllers.snapshot()
-        ]
+        return with_programs(self.controllers.snapshot(), self.programs)
 
     async def close(self) -> None:
         """End the users' programs, and leave the world's switch."""

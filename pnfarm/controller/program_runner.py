@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.columns import Columns
     from pnfarm.user_code.thread import Work
 
-__all__ = ["Note", "ProgramFailed", "ProgramLate", "ProgramRunner"]
+__all__ = ["Note", "ProgramFailed", "ProgramLate", "ProgramRunner", "with_programs"]
 
 #: ``note(now, drive, event)``.
 Note = Callable[[int, str, Event], object]
@@ -339,6 +339,11 @@ class ProgramRunner:
     def close(self) -> None:
         """End the threads; one that waits in the kernel ends with the process."""
         self._caller.close()
+
+
+def with_programs(rows: Sequence[dict[str, Any]], programs: ProgramRunner | None) -> list[dict[str, Any]]:
+    """Rows of the controllers' drives; ``program``: counts of a user's program, None without one."""
+    return [row | {"program": None if programs is None else programs.snapshot(row["name"])} for row in rows]
 
 
 def _file(program: AxisProgram) -> str:

@@ -22,7 +22,7 @@ from pnfarm.controller.group import Controllers
 from pnfarm.controller.line_door import LineDoor
 from pnfarm.controller.plan import plan_controllers
 from pnfarm.controller.program_file import program_of, program_settings
-from pnfarm.controller.program_runner import ProgramRunner
+from pnfarm.controller.program_runner import ProgramRunner, with_programs
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
 from pnfarm.errors import ConfigError
 from pnfarm.farm.events import RealTimeOptionTakenBack
@@ -365,12 +365,8 @@ class Plc:
         return self.controllers.parameter_answer(name)
 
     def summary(self) -> list[dict[str, Any]]:
-        """The controllers' drives; ``program``: counts of a user's program, None without one."""
-        runner = self._runner
-        return [
-            row | {"program": None if runner is None else runner.snapshot(row["name"])}
-            for row in self.controllers.snapshot()
-        ]
+        """The controllers' drives, as rows of ``pnfarm plc --json``."""
+        return with_programs(self.controllers.snapshot(), self._runner)
 
     async def __aenter__(self) -> Self:
         await self.open()
