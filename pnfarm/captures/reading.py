@@ -10,15 +10,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 from pnfarm.errors import ConfigError
+from pnfarm.links.base import ETHERNET
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
     from pathlib import Path
 
-__all__ = ["ETHERNET", "CapturedFrame", "FrameReader"]
+__all__ = ["CapturedFrame", "FrameReader"]
 
-#: LINKTYPE_ETHERNET of tcpdump.org.
-ETHERNET = 1
 _MAGICS = {
     bytes.fromhex("a1b2c3d4"), bytes.fromhex("d4c3b2a1"), bytes.fromhex("a1b23c4d"), bytes.fromhex("4d3cb2a1"),
     bytes.fromhex("0a0d0d0a"),
