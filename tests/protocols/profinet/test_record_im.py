@@ -7,7 +7,6 @@ from cm_support import DRIVE, DRIVE_API, UUID_2, Bench
 from record_support import DATA_PLACE, SEVERAL_CARRIERS, WITH_IM, connect_tool, read, read_blocks, write
 
 from pnfarm.protocols.profinet.description import ImCarrier
-from pnfarm.protocols.profinet.records.im import ImWritten
 from pnfarm.protocols.profinet.wire.records.identification import ImText
 from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
 
@@ -27,10 +26,10 @@ def test_what_was_written_is_read_by_anyone_and_reported_once(bench):
     for index, text in ((0xAFF1, TAG), (0xAFF2, DATE), (0xAFF3, ImText(0x23, b"x" * 54)), (0xAFF4, SIGNATURE)):
         assert write(bench, index, text.emit()) == 0
         assert read_blocks(bench, index, uuid=NIL_UUID) == (text,)
-    events = bench.records.im.events()
-    assert events[0] == ImWritten(0, 1, 0xAFF1, TAG.text)
-    assert [e.index for e in events] == [0xAFF1, 0xAFF2, 0xAFF3, 0xAFF4]
-    assert bench.records.im.events() == []
+    assert bench.records.im.take_written()
+    assert bench.records.im.texts[0, 1, 0xAFF1] == TAG.text
+    assert [index for _, _, index in bench.records.im.texts] == [0xAFF1, 0xAFF2, 0xAFF3, 0xAFF4]
+    assert not bench.records.im.take_written()
 
 
 def test_what_was_never_written_is_blank_and_a_signature_is_zero(bench):
@@ -65,7 +64,7 @@ def test_what_is_no_im_block_changes_nothing(bench):
     assert write(bench, 0xAFF1, TAG.emit() * 2) == 0xB1
     assert write(bench, 0xAFF1, DATE.emit()) == 0xB8
     assert read_blocks(bench, 0xAFF1) == (ImText(0x21, b" " * 54),)
-    assert bench.records.im.events() == []
+    assert not bench.records.im.take_written()
 
 
 def test_only_what_im0_calls_supported_is_there():

@@ -231,8 +231,7 @@ class DevicePump:
             # its connection ended: a controller that reconnects would assign it to the new connection
             device.client.forget(call_id, now)
             del self._calls[call_id]
-        texts = device.records.im.events()
-        if texts:
+        if device.records.im.take_written():
             device.keep(now, "im", record_words(device.records.im.texts))
         return bool(responses or calls or changed or events)
 

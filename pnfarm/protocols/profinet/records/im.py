@@ -1,14 +1,13 @@
 """Identification and maintenance: I&M0 to I&M4 and their carriers (PI profile guideline 1; IEC 61158-6-10).
 
 I&M0 is the description's.  The texts of I&M1 to I&M4 are written by engineering and belong in non-volatile memory:
-:class:`ImRecords` keeps them in a mapping that it is given, and reports a change by :class:`ImWritten`.
+:class:`ImRecords` keeps them in a mapping that it is given.
 A submodule without I&M data of its own answers with its module's carrier, or with the device's; only
 carriers can be written.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
@@ -29,23 +28,13 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.description import DeviceDescription, Im0Description, ImCarrier, Plugged
 
-__all__ = ["ImRecords", "ImWritten", "TextKey", "im0_of"]
+__all__ = ["ImRecords", "TextKey", "im0_of"]
 
 #: (slot, subslot, index) of a carrier's I&M1 to I&M4.
 TextKey = tuple[int, int, int]
 
 _FILTER_VERSION = 0x0100
 _VISIBLE = range(0x20, 0x7F)
-
-
-@dataclass(frozen=True, slots=True)
-class ImWritten:
-    """A carrier's text was written: save it.  ``data`` is the whole field, padding and all."""
-
-    slot: int
-    subslot: int
-    index: int
-    data: bytes
 
 
 def im0_of(description: DeviceDescription, im0: Im0Description | None = None) -> Im0:
@@ -71,13 +60,14 @@ class ImRecords:
         self.texts = texts
         self._description = description
         self._plugged = plugged
-        self._events: list[ImWritten] = []
+        self._written = False
         #: Whether what is written can be kept.
         self.can_keep: Callable[[], bool] = lambda: True
 
-    def events(self) -> list[ImWritten]:
-        drained, self._events = self._events, []
-        return drained
+    def take_written(self) -> bool:
+        """Whether a text was written since the last call: save them."""
+        written, self._written = self._written, False
+        return written
 
     def read(self, slot: int, subslot: int, index: int) -> bytes | RecordError:
         """I&M0 to I&M4 of a submodule that exists."""
@@ -118,7 +108,7 @@ class ImRecords:
         if not self.can_keep():
             return RecordError(AccessError.STATE_CONFLICT)
         self.texts[slot, subslot, index] = text
-        self._events.append(ImWritten(slot, subslot, index, text))
+        self._written = True
         return None
 
     def filter_data(self) -> bytes:
