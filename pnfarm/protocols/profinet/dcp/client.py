@@ -121,9 +121,6 @@ class StationInfo:
     options: tuple[OptionId, ...] = ()
     mac: bytes | None = None
     dns: tuple[IPv4Address, ...] = ()
-    standard_gateway: int | None = None
-    rsi_properties: int | None = None
-    says_hello: bool | None = None
 
     @property
     def ip_conflict(self) -> bool:
@@ -226,12 +223,6 @@ def station_info(blocks: Iterable[Block]) -> StationInfo:
                 found["dns"] = tuple(server for server in dns if server != _NONE)
             case MacBlock(mac=mac):
                 found["mac"] = mac
-            case StandardGatewayBlock(value=value):
-                found["standard_gateway"] = value
-            case RsiPropertiesBlock(properties=properties):
-                found["rsi_properties"] = properties
-            case DeviceInitiativeBlock(value=value):
-                found["says_hello"] = bool(value & 1)
             case DeviceOptionsBlock(options=options):
                 found["options"] = options
             case _:
