@@ -170,7 +170,6 @@ class Ar:
     fsu_adjust: bytes = b""
     #: UDP port of the initiator's RPC server, when an ARRPCBlock named one.
     initiator_rpc_port: int | None = None
-    connected_at: int = 0
     #: Output CRs (by IOCRReference) on which valid data have arrived.
     data_seen: set[int] = field(default_factory=set)
 

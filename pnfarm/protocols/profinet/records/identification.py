@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.protocols.profinet.cm.device.ownership import expected_keys
 from pnfarm.protocols.profinet.records.directory import Index, Scope
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.records.identification import (
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.description import Plugged
     from pnfarm.protocols.profinet.wire.cm.expected import ExpectedApi
 
-__all__ = ["EXPECTED", "ar_data_record", "expected_keys", "identification_record", "in_scope"]
+__all__ = ["EXPECTED", "ar_data_record", "identification_record", "in_scope"]
 
 #: These are about what an AR expects, and so need one.
 EXPECTED = frozenset({
@@ -34,11 +35,6 @@ EXPECTED = frozenset({
 })  # fmt: skip
 
 _UDP_RT_PORT = 0x8892
-
-
-def expected_keys(ar: Ar) -> frozenset[ExpectedKey]:
-    """Every submodule that the AR expects, whether the device has it or not."""
-    return frozenset((e.api, e.slot, s.subslot) for e in ar.expected for s in e.submodules)
 
 
 def in_scope(scope: Scope, asked: ExpectedKey, found: ExpectedKey) -> bool:
@@ -58,7 +54,7 @@ def identification_record(plugged: Plugged, ar: Ar | None, index: int, scope: Sc
     """ExpectedIdentificationData or RealIdentificationData; ``ar`` is needed where the record is about an AR."""
     if index in EXPECTED:
         return _expected(ar.expected if ar else (), scope, asked)
-    owned = expected_keys(ar) if scope is Scope.AR and ar else None
+    expected = set(expected_keys(ar.expected)) if scope is Scope.AR and ar else None
     apis = []
     for api in plugged.apis():
         slots = []
@@ -67,7 +63,7 @@ def identification_record(plugged: Plugged, ar: Ar | None, index: int, scope: Sc
             subs = tuple(
                 (key[2], ident)
                 for key, ident in keys
-                if in_scope(scope, asked, key) and (owned is None or key in owned)
+                if in_scope(scope, asked, key) and (expected is None or key in expected)
             )
             if subs:
                 slots.append(IdentificationSlot(module.slot, module.module_ident, subs))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.cm.ar import CmdevState
 from pnfarm.protocols.profinet.cm.device.diff import unusable_submodules
+from pnfarm.protocols.profinet.cm.device.ownership import expected_keys
 from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.records.diagnosis import diagnosis_record
@@ -26,7 +27,6 @@ from pnfarm.protocols.profinet.records.handler import KeptRecords
 from pnfarm.protocols.profinet.records.identification import (
     EXPECTED,
     ar_data_record,
-    expected_keys,
     identification_record,
 )
 from pnfarm.protocols.profinet.records.im import ImRecords, im0_of
@@ -62,7 +62,7 @@ def owned_submodules(ar: Ar) -> frozenset[ExpectedKey]:
 
     One that was plugged while data flow is among them, though its data are bad until its parameters have come.
     """
-    return (expected_keys(ar) - unusable_submodules(ar.expected, ar.module_diff)) | ar.pending
+    return frozenset(expected_keys(ar.expected)) - unusable_submodules(ar.expected, ar.module_diff) | ar.pending
 
 
 class DeviceRecords:

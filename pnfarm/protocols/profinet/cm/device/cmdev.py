@@ -384,7 +384,7 @@ class CmDevice:
         except RefusedError as exc:
             self._events.append(refused(exc.status, exc.detail))
             return exc.status, b""
-        ar = Ar(self._next_key, request.ar, peer_ip, CmdevState.W_CIND, caller.mac, connected_at=now)
+        ar = Ar(self._next_key, request.ar, peer_ip, CmdevState.W_CIND, caller.mac)
         fill(ar, request, layouts, self.ars)
         claimed = claim(request.ar, request.expected, self.ars)
         ar.owned, ar.locked = set(claimed.owned), dict(claimed.locked)
@@ -511,7 +511,8 @@ class CmDevice:
         plug = self._modules.plug(ar.key, sequence)
         if plug is None or not plug.step(PlugsmEvent.APPLICATION_READY_REQ):
             return False
-        self._modules.plug_ready(ar, plug)
+        # its parameters are there: from now on the submodule is as ApplicationReady says
+        ar.pending.discard(plug.key)
         self._call_ready(ar, plug)
         self._changed(ar)
         return True

@@ -216,10 +216,6 @@ class Modules:
                 plug.sequence = sequence
         return next((p for p in plugs if p.sequence == sequence), None)
 
-    def plug_ready(self, ar: Ar, plug: Plug) -> None:
-        """Its parameters are there: from now on the submodule is as ApplicationReady says."""
-        ar.pending.discard(plug.key)
-
     def plug_confirmed(self, ar_key: int, sequence: int) -> None:
         """The controller confirmed ApplicationReady.plug."""
         running = self._running[ar_key]
