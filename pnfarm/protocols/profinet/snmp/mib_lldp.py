@@ -7,7 +7,7 @@ what the MIBs call read-write is read-only.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from pnfarm.protocols.profinet.snmp.mib import Scalar, Table, admin_text, display_text, truth
 from pnfarm.protocols.profinet.snmp.view import (
@@ -78,19 +78,11 @@ class _LocalAddress(NamedTuple):
     ports: tuple[LldpPortView, ...]
 
 
-class _RemoteAddress(NamedTuple):
+class _Remote(NamedTuple, Generic[Part]):
+    """A part of a neighbour that has rows of its own."""
+
     neighbour: NeighbourView
-    address: ManagementAddress
-
-
-class _RemoteDot3(NamedTuple):
-    neighbour: NeighbourView
-    port: Dot3Port
-
-
-class _RemotePno(NamedTuple):
-    neighbour: NeighbourView
-    port: PnoPort
+    part: Part
 
 
 def _ports(view: SnmpView) -> tuple[LldpPortView, ...]:
@@ -123,16 +115,8 @@ def _neighbour_index(row: NeighbourView) -> Oid:
     return (row.time_mark_ns // 10_000_000 & 0xFFFF_FFFF, row.port, row.index)
 
 
-def _remote_addresses(view: SnmpView) -> list[_RemoteAddress]:
-    return [_RemoteAddress(n, address) for n in view.lldp.neighbours for address in n.addresses]
-
-
-def _remote_dot3(view: SnmpView) -> list[_RemoteDot3]:
-    return [_RemoteDot3(n, n.dot3) for n in view.lldp.neighbours if n.dot3 is not None]
-
-
-def _remote_pno(view: SnmpView) -> list[_RemotePno]:
-    return [_RemotePno(n, n.pno) for n in view.lldp.neighbours if n.pno is not None]
+def _remote_index(row: _Remote[Any]) -> Oid:
+    return _neighbour_index(row.neighbour)
 
 
 def _port_list(ports: Iterable[LldpPortView]) -> Value:
@@ -246,31 +230,31 @@ LLDP_TABLES: tuple[Table[Any], ...] = (
         ),
     ),
     # lldpRemManAddrTable
-    Table[_RemoteAddress](
+    Table[_Remote[ManagementAddress]](
         (*REMOTE, 2, 1),
-        _remote_addresses,
-        lambda row: (*_neighbour_index(row.neighbour), *_address_index(row.address)),
+        lambda view: [_Remote(n, address) for n in view.lldp.neighbours for address in n.addresses],
+        lambda row: (*_remote_index(row), *_address_index(row.part)),
         (
-            (3, lambda row: integer(row.address.if_subtype)),
+            (3, lambda row: integer(row.part.if_subtype)),
             # 32 bits without sign in the frame, Integer32 in the MIB
-            (4, lambda row: integer(min(row.address.if_id, 0x7FFF_FFFF))),
-            (5, lambda row: object_id(row.address.object_id)),
+            (4, lambda row: integer(min(row.part.if_id, 0x7FFF_FFFF))),
+            (5, lambda row: object_id(row.part.object_id)),
         ),
     ),
     # lldpXdot3LocPortTable, lldpXdot3RemPortTable
     Table[LldpPortView]((*DOT3, 2, 1, 1), _ports, _port_index, _of(lambda row: row.dot3, _DOT3_COLUMNS)),
-    Table[_RemoteDot3](
+    Table[_Remote[Dot3Port]](
         (*DOT3, 3, 1, 1),
-        _remote_dot3,
-        lambda row: _neighbour_index(row.neighbour),
-        _of(lambda row: row.port, _DOT3_COLUMNS),
+        lambda view: [_Remote(n, n.dot3) for n in view.lldp.neighbours if n.dot3 is not None],
+        _remote_index,
+        _of(lambda row: row.part, _DOT3_COLUMNS),
     ),
     # lldpXPnoLocTable, lldpXPnoRemTable
     Table[LldpPortView]((*PNO, 2, 1, 1), _ports, _port_index, _of(lambda row: row.pno, _PNO_COLUMNS)),
-    Table[_RemotePno](
+    Table[_Remote[PnoPort]](
         (*PNO, 3, 1, 1),
-        _remote_pno,
-        lambda row: _neighbour_index(row.neighbour),
-        _of(lambda row: row.port, _PNO_COLUMNS),
+        lambda view: [_Remote(n, n.pno) for n in view.lldp.neighbours if n.pno is not None],
+        _remote_index,
+        _of(lambda row: row.part, _PNO_COLUMNS),
     ),
 )
