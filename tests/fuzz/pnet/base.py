@@ -21,13 +21,12 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
     Flags1,
     Opnum,
     PacketType,
-    RequestArgs,
     RpcPdu,
     drep,
-    emit_request_args,
     emit_rpc,
     object_uuid,
 )
+from tests.support.ndr_counts import counted
 
 __all__ = ["ADDRESS", "CONTROLLER", "MODULES", "NAME", "OWN", "Caller", "Sent", "planned"]
 
@@ -85,7 +84,7 @@ class Caller:
         """The next call; ``args`` are other counts of its arguments, ``changes`` other fields of its header."""
         little = changes.pop("little_endian", True)
         self.sequence += 1
-        body = emit_request_args(replace(RequestArgs(ROOM, payload), **(args or {})), little_endian=little)
+        body = counted(ROOM, payload, little_endian=little, **(args or {}))
         return RpcPdu(
             **{
                 "packet_type": PacketType.REQUEST,

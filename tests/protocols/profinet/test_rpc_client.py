@@ -35,6 +35,7 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
     parse_request_args,
     parse_rpc,
 )
+from tests.support.ndr_counts import with_counts
 
 MS = 1_000_000
 PEER = Peer(IPv4Address("10.77.0.11"), RPC_PORT)
@@ -218,7 +219,7 @@ def test_contradicting_lengths_are_a_bad_response():
     caller = client()
     number = call(caller)
     [asked] = sent(caller)
-    stub = emit_response_args(ResponseArgs(OK, b"abc", 9, actual_count=7), little_endian=True)
+    stub = with_counts(emit_response_args(ResponseArgs(OK, b"abc", 9), little_endian=True), actual_count=7)
     put(caller, reply(asked, body=stub))
     assert caller.events() == [CallFailed(number, "bad-response", PEER)]
 

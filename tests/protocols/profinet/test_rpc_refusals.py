@@ -16,13 +16,12 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
     Opnum,
     PacketType,
     PnioStatus,
-    RequestArgs,
-    emit_request_args,
     emit_rpc,
     object_uuid,
     parse_response_args,
     parse_status,
 )
+from tests.support.ndr_counts import counted
 
 CALL = request(5)
 
@@ -128,8 +127,7 @@ def test_an_absurd_fragment_number_is_dropped():
 @pytest.mark.parametrize("little", [False, True])
 def test_each_rule_of_the_ndr_arguments_is_answered_by_the_status_of_its_service(wrong, opnum, little):
     device = server()
-    good = RequestArgs(100, b"abcd")
-    stub = emit_request_args(replace(good, **wrong), little_endian=little)
+    stub = counted(100, b"abcd", little_endian=little, **wrong)
     [answer] = put(device, request(body=stub, opnum=opnum, little=little))
     assert answer.kind == PacketType.RESPONSE
     args = parse_response_args(answer.body, little_endian=little)

@@ -45,12 +45,11 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
     Opnum,
     PacketType,
     PnioStatus,
-    RequestArgs,
-    emit_request_args,
     emit_rpc,
     parse_response_args,
     parse_status,
 )
+from tests.support.ndr_counts import counted
 
 
 @pytest.mark.parametrize("little", [False, True])
@@ -294,7 +293,7 @@ def test_a_server_may_offer_the_controllers_interface():
 
 def test_contradicting_lengths_are_answered_with_a_status():
     device = server()
-    stub = emit_request_args(RequestArgs(100, b"abcd", actual_count=9), little_endian=True)
+    stub = counted(100, b"abcd", actual_count=9)
     [answer] = put(device, request(body=stub, opnum=Opnum.WRITE))
     assert parse_response_args(answer.body, little_endian=True).status == PnioStatus(0xDF, 0x81, 0x40, 0)
     assert device.events() == []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from uuid import UUID
 
@@ -39,6 +38,7 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
     parse_status,
     status_name,
 )
+from tests.support.ndr_counts import counted
 
 CAPTURES = Path(__file__).resolve().parents[3].parent / "shared" / "captures"
 ACTIVITY = UUID("00000008-0000-1010-808e-000e8cb06c7e")
@@ -220,7 +220,7 @@ def test_response_arguments_are_read_back(status, payload, little):
     ],
 )
 def test_contradicting_lengths_are_refused(wrong, reason):
-    stub = emit_request_args(replace(RequestArgs(100, b"abcd"), **wrong), little_endian=True)
+    stub = counted(100, b"abcd", **wrong)
     with pytest.raises(DecodeError) as caught:
         parse_request_args(stub, little_endian=True)
     assert caught.value.reason == reason

@@ -367,16 +367,12 @@ ARGS_HEADER_LENGTH: Final = 20
 class RequestArgs:
     """Arguments of a request: how long the answer may be, and the blocks.
 
-    ``None`` in a count means what the standard asks for: ``maximum_count`` as ``args_maximum``, the two lengths as
-    the payload's.
+    ``maximum_count`` is that of another request than the standard asks for, None where it is ``args_maximum``.
     """
 
     args_maximum: int
     payload: bytes
     maximum_count: int | None = None
-    args_length: int | None = None
-    actual_count: int | None = None
-    offset: int = 0
 
 
 @value_class
@@ -386,9 +382,6 @@ class ResponseArgs:
     status: PnioStatus
     payload: bytes
     maximum_count: int
-    args_length: int | None = None
-    actual_count: int | None = None
-    offset: int = 0
 
 
 def _read_array(reader: Reader) -> tuple[int, bytes]:
@@ -405,12 +398,9 @@ def _read_array(reader: Reader) -> tuple[int, bytes]:
     return maximum, reader.rest()
 
 
-def _emit_args(first: int, maximum: int, args: RequestArgs | ResponseArgs, *, little: bool) -> bytes:
-    size = len(args.payload)
-    length = size if args.args_length is None else args.args_length
-    actual = size if args.actual_count is None else args.actual_count
-    writer = Writer(little).u32(first).u32(length).u32(maximum).u32(args.offset).u32(actual)
-    return writer.bytes(args.payload).getvalue()
+def _emit_args(first: int, maximum: int, payload: bytes, *, little: bool) -> bytes:
+    size = len(payload)
+    return Writer(little).u32(first).u32(size).u32(maximum).u32(0).u32(size).bytes(payload).getvalue()
 
 
 def parse_request_args(stub: bytes, *, little_endian: bool) -> RequestArgs:
@@ -423,7 +413,7 @@ def parse_request_args(stub: bytes, *, little_endian: bool) -> RequestArgs:
 
 def emit_request_args(args: RequestArgs, *, little_endian: bool) -> bytes:
     maximum = args.args_maximum if args.maximum_count is None else args.maximum_count
-    return _emit_args(args.args_maximum, maximum, args, little=little_endian)
+    return _emit_args(args.args_maximum, maximum, args.payload, little=little_endian)
 
 
 def parse_response_args(stub: bytes, *, little_endian: bool) -> ResponseArgs:
@@ -435,7 +425,7 @@ def parse_response_args(stub: bytes, *, little_endian: bool) -> ResponseArgs:
 
 
 def emit_response_args(args: ResponseArgs, *, little_endian: bool) -> bytes:
-    return _emit_args(int(args.status), args.maximum_count, args, little=little_endian)
+    return _emit_args(int(args.status), args.maximum_count, args.payload, little=little_endian)
 
 
 # --- bodies of reject and fault (C706 12.5.3.6, 12.5.3.10) ---------------------------------------------------
