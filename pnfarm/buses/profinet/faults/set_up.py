@@ -8,13 +8,13 @@ from pnfarm.faults.effects.parts import Part
 from pnfarm.faults.effects.requests import ConnectRequests
 from pnfarm.protocols.profinet.cm.ar import CmdevState
 from pnfarm.protocols.profinet.errors import ErrorCode, pnio_error
-from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArProperties
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.protocols.profinet.errors import PnioStatus
+    from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq
 
 __all__ = ["SET_UP", "ReadyRule", "SetUp"]
 
@@ -50,7 +50,7 @@ class SetUp(ConnectRequests):
         return pnio_error(ErrorCode.CONNECT, values["code1"], values["code2"])
 
     def _connecting(self, request: ArBlockReq) -> PnioStatus | None:
-        if request.properties & ArProperties.DEVICE_ACCESS:
+        if request.device_access:
             return None
         status: PnioStatus | None = self.asked()
         return status

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.errors import IocrField
-from pnfarm.protocols.profinet.wire.cm.connect import ArProperties, ArType
+from pnfarm.protocols.profinet.wire.cm.connect import ArProperties
 from pnfarm.protocols.profinet.wire.cm.expected import DataDirection, SubmoduleType
 from pnfarm.protocols.profinet.wire.cm.iocr import IOCR_TAG_HEADER, IocrType
 from pnfarm.wire.rtc import SEND_CLOCK_NS
@@ -195,13 +195,11 @@ class Ar:
 
     @property
     def device_access(self) -> bool:
-        """Acyclic only: no CRs, no parametrisation phase."""
-        return bool(self.request.properties & ArProperties.DEVICE_ACCESS)
+        return self.request.device_access
 
     @property
     def supervisor(self) -> bool:
-        """A supervisor's AR with CRs: it controls submodules as a controller does."""
-        return self.request.ar_type == ArType.IOSAR and not self.device_access
+        return self.request.supervisor
 
     @property
     def takeover_allowed(self) -> bool:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.cm.device.check import RefusedError
 from pnfarm.protocols.profinet.errors import CmdevError, CmrpcError, ConnectFault, ErrorCode, pnio_error
-from pnfarm.protocols.profinet.wire.cm.connect import ArProperties, ArType
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,8 +54,7 @@ def admit(request: ArBlockReq, caller: Caller, ars: Sequence[Ar], limits: Limits
             raise RefusedError(_STATE_CONFLICT, f"another initiator ({standing.peer_ip}) has an AR with this UUID")
         return [standing]
     older = [ar for ar in ars if _kind(ar.request) == _kind(request) and caller.is_of(ar, request)]
-    access = bool(request.properties & ArProperties.DEVICE_ACCESS)
-    supervisor = request.ar_type == ArType.IOSAR and not access
+    access, supervisor = request.device_access, request.supervisor
     count = sum((ar.device_access, ar.supervisor) == (access, supervisor) for ar in ars if ar not in older)
     most = limits.max_device_access_ars if access else limits.max_supervisor_ars if supervisor else limits.max_ars
     if count >= most:
@@ -72,4 +70,4 @@ def rerun_refusal() -> RefusedError:
 
 def _kind(one: ArBlockReq) -> tuple[object, ...]:
     """The identity that a newer AR must share with the older one that it replaces."""
-    return one.initiator_object_uuid, one.station_name, one.ar_type, one.properties & ArProperties.DEVICE_ACCESS
+    return one.initiator_object_uuid, one.station_name, one.ar_type, one.device_access

@@ -191,11 +191,10 @@ def _check_ar(ar: ArBlockReq, description: DeviceDescription) -> None:
         _refuse(ConnectFault.AR_BLOCK, field, detail)
 
     p = ar.properties
-    access = bool(p & ArProperties.DEVICE_ACCESS)
     if ar.ar_type not in {ArType.IOCAR_SINGLE, ArType.IOSAR}:
         why = f": {_IRT}" if ar.ar_type == ArType.IOCAR_SINGLE_RT_CLASS_3 else ""
         refuse(ArField.AR_TYPE, f"ARType 0x{ar.ar_type:04X} is not supported{why}")
-    if ar.ar_type == ArType.IOSAR and not access and not description.limits.max_supervisor_ars:
+    if ar.supervisor and not description.limits.max_supervisor_ars:
         refuse(ArField.AR_TYPE, "a supervisor's AR is supported for device access only")
     if ar.ar_uuid == NIL_UUID:
         refuse(ArField.AR_UUID, "ARUUID is nil")
@@ -210,7 +209,7 @@ def _check_ar(ar: ArBlockReq, description: DeviceDescription) -> None:
         refuse(ArField.AR_PROPERTIES, "ARProperties.State is not Active")
     if not p & ArProperties.PARAMETRIZATION_BY_INITIATOR:
         refuse(ArField.AR_PROPERTIES, "an external parameter server is not supported")
-    if access and ar.ar_type != ArType.IOSAR:
+    if ar.device_access and ar.ar_type != ArType.IOSAR:
         refuse(ArField.AR_PROPERTIES, "device access belongs to a supervisor's AR")
     if p & (ArProperties.COMPANION_AR_MASK | ArProperties.ACKNOWLEDGE_COMPANION_AR):
         refuse(ArField.AR_PROPERTIES, "companion ARs are not supported")
@@ -430,7 +429,7 @@ def check_connect(request: ConnectRequest, description: DeviceDescription) -> tu
     Raises :class:`RefusedError` with the standard's code for the first faulty field, in the standard's order:
     IOCRs and their number, expected submodules, offsets, alarm CR, AR RPC.
     """
-    if request.ar.properties & ArProperties.DEVICE_ACCESS:
+    if request.ar.device_access:
         if request.iocrs or request.expected or request.alarm_crs:
             _refuse(ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS, "device access has no CR")
         layouts: tuple[IocrLayout, ...] = ()

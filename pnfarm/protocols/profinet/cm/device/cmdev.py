@@ -363,19 +363,22 @@ class CmDevice:
     def _connect(self, payload: bytes, args_maximum: int, caller: Caller, now: int) -> tuple[PnioStatus, bytes]:
         peer_ip = caller.ip
         heads: list[ArBlockReq] = []
+        older: list[Ar] = []
 
-        def admitted(head: ArBlockReq) -> list[Ar]:
+        def judge(head: ArBlockReq) -> None:
             heads.append(head)
-            return admit(head, caller, self.ars, self.description.limits)
+            older.extend(admit(head, caller, self.ars, self.description.limits))
 
         def refused(status: PnioStatus, detail: str) -> ConnectRefused:
             known = [(head.station_name.decode("latin-1"), head.initiator_mac) for head in heads]
             return ConnectRefused(peer_ip, status, detail, *(known[0] if known else ("", caller.mac or b"")))
 
         try:
-            request = parse_connect(payload, self.description, admitted)
+            request = parse_connect(payload, self.description, judge)
             layouts = check_connect(request, self.description)
-            older = self._replaced(request, caller)
+            wanted = self.refuse_connect(request.ar) if self.refuse_connect else None
+            if wanted is not None:
+                raise RefusedError(wanted, "refused on purpose")
             modules = self._modules.following(request.expected, [ar for ar in self.ars if ar not in older])
             # all that can be wrong with it comes before: a faulty Connect ends nothing
             check_plugged(request, modules)
@@ -387,7 +390,7 @@ class CmDevice:
         ar = Ar(self._next_key, request.ar, peer_ip, CmdevState.W_CIND, caller.mac)
         fill(ar, request, layouts, self.ars)
         claimed = claim(request.ar, request.expected, self.ars)
-        ar.owned, ar.locked = set(claimed.owned), dict(claimed.locked)
+        ar.owned, ar.locked = claimed.owned, claimed.locked
         ar.module_diff = self._modules.diff(ar)
         length = self.description.limits.max_alarm_data_length
         answer = connect_response(ar, request, self._mac, self.station_name, length)
@@ -400,7 +403,7 @@ class CmDevice:
         self._next_key += 1
         self._ars[ar.key] = ar
         self._modules.open(ar.key)
-        self.alarms.open(ar, self.description.limits.max_alarm_data_length)
+        self.alarms.open(ar, length)
         self._step(ar, CmdevEvent.CONNECT_IND, now)
         self._events.append(
             ArConnected(
@@ -427,14 +430,6 @@ class CmDevice:
         self._renew_diffs()
         self._take_alarms(now)
         return OK, answer
-
-    def _replaced(self, request: ConnectRequest, caller: Caller) -> list[Ar]:
-        """The initiator's older ARs, if there is room for the new one and no injection refuses it."""
-        older = admit(request.ar, caller, self.ars, self.description.limits)
-        wanted = self.refuse_connect(request.ar) if self.refuse_connect else None
-        if wanted is not None:
-            raise RefusedError(wanted, "refused on purpose")
-        return older
 
     def _make_way(self, request: ConnectRequest, older: list[Ar], now: int) -> None:
         """End the initiator's older ARs; the Connect has no fault."""

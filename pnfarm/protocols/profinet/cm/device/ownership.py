@@ -17,7 +17,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pnfarm.protocols.profinet.wire.cm.connect import ArProperties, ArType
 from pnfarm.protocols.profinet.wire.cm.expected import ArInfo
 
 if TYPE_CHECKING:
@@ -47,7 +46,6 @@ def expected_keys(expected: Iterable[ExpectedApi]) -> list[ExpectedKey]:
 def claim(request: ArBlockReq, expected: Iterable[ExpectedApi], ars: Iterable[Ar]) -> Claim:
     """The submodules that the requested AR would own next to ``ars``; changes nothing."""
     standing = tuple(ars)
-    supervisor = request.ar_type == ArType.IOSAR and not request.properties & ArProperties.DEVICE_ACCESS
     result = Claim()
     for key in expected_keys(expected):
         owner = next((ar for ar in standing if key in ar.owned), None)
@@ -55,7 +53,7 @@ def claim(request: ArBlockReq, expected: Iterable[ExpectedApi], ars: Iterable[Ar
             result.owned.add(key)
         elif owner.supervisor:
             result.locked[key] = ArInfo.LOCKED_BY_IO_SUPERVISOR
-        elif supervisor and owner.takeover_allowed:
+        elif request.supervisor and owner.takeover_allowed:
             result.owned.add(key)
             result.taken.setdefault(owner.key, set()).add(key)
         else:
@@ -64,8 +62,7 @@ def claim(request: ArBlockReq, expected: Iterable[ExpectedApi], ars: Iterable[Ar
 
 
 def settle_claim(claimed: Claim, ar: Ar, ars: Sequence[Ar]) -> None:
-    """Give ``ar`` what it claimed; the ARs that lose find it locked by a supervisor."""
-    ar.owned, ar.locked = set(claimed.owned), dict(claimed.locked)
+    """``ar`` has what it claimed; the ARs that lose find it locked by a supervisor."""
     for loser in ars:
         for key in claimed.taken.get(loser.key, ()):
             loser.owned.discard(key)

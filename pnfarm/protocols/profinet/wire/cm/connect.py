@@ -80,6 +80,16 @@ class ArBlockReq(Block, types=BlockType.AR_REQ):
     station_name: Octets16
     version: Outside[int] = VERSION_1_0
 
+    @property
+    def device_access(self) -> bool:
+        """Acyclic only: no CRs, no parametrisation phase."""
+        return bool(self.properties & ArProperties.DEVICE_ACCESS)
+
+    @property
+    def supervisor(self) -> bool:
+        """A supervisor's AR with CRs: it controls submodules as a controller does."""
+        return self.ar_type == ArType.IOSAR and not self.device_access
+
 
 class ArBlockRes(Block, types=BlockType.AR_RES):
     """0x8101."""
