@@ -8,6 +8,7 @@ from pnfarm.protocols.profinet.alarms.channel import AlarmAcknowledged, AlarmCha
 from pnfarm.protocols.profinet.errors import RtaError, rta_status
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmNotification, AlarmType
 from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, parse_rta
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, emit_ethernet, parse_ethernet
 
 CHANNEL = (AlarmItem(0x8000, bytes.fromhex("800008000010")),)
@@ -23,7 +24,7 @@ class DriveAlarms:
         self.mac = session.mac
         assert session.machine is not None
         assert session.machine.alarms is not None
-        self.channel = AlarmChannel(session.machine.alarms._settings.remote_reference, 1)
+        self.channel = AlarmChannel(session.machine.alarms._settings.remote_reference, 1, AlarmCrBlockReq(), 200)
         self.answers: list[EthernetFrame] = []
         self._forward = line.plc.link.send
         line.plc.link.send = self._send

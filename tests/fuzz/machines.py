@@ -22,6 +22,7 @@ from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.snmp.agent import MAXIMUM_MESSAGE
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge
 from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq
 from pnfarm.protocols.profinet.wire.dcp.blocks import OptionId, UnknownBlock
 from pnfarm.protocols.profinet.wire.dcp.pdu import IDENTIFY_MULTICAST
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH
@@ -405,7 +406,7 @@ class AlarmChannelMachine(Machine):
 
     def start(self, rng):
         self.clock = self.frames = 0
-        self.channel = AlarmChannel(self.LOCAL, self.REMOTE, queue_length=4)
+        self.channel = AlarmChannel(self.LOCAL, self.REMOTE, AlarmCrBlockReq(), 200, queue_length=4)
         self.taken = []
         self.pdus = [octets for octets in self.layers["rta"] if octets[:2] in {b"\xfc\x01", b"\xfe\x01"}]
 

@@ -24,7 +24,7 @@ from pnfarm.protocols.profinet.rpc.server import RpcServer
 from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
-from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes, ArBlockReq
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq, AlarmCrBlockRes, ArBlockReq
 from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, SubmoduleList, control_response
 from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockRes, IocrType
 from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader, IodWriteReqHeader, emit_write_request
@@ -109,7 +109,7 @@ class Initiator(Bystander):
             controller_name=f"initiator-{self.number}", controller_mac=self.mac,
             controller_object_uuid=UUID(f"{PREFIX}{self.number:04x}{str(tail)[-8:]}"), ar_uuid=self.uuid,
             session_key=self.number, submodules=wanted.submodules, reduction_ratio=RATIO, watchdog_factor=HOLD,
-            input_frame_id=0x9000 + self.number, local_alarm_reference=0x100 + self.number,
+            input_frame_id=0x9000 + self.number, alarm_cr=AlarmCrBlockReq(local_alarm_reference=0x100 + self.number),
         )  # fmt: skip
 
     def connect(self, station: Station, *, ar_type: int = 1, properties: int = 0, plan=None, change=None) -> Answer:
@@ -125,7 +125,12 @@ class Initiator(Bystander):
             return answer
         for block in parse_blocks(answer.payload):
             if isinstance(block, AlarmCrBlockRes):
-                self.channel = AlarmChannel(plan.local_alarm_reference, block.local_alarm_reference)
+                self.channel = AlarmChannel(
+                    plan.alarm_cr.local_alarm_reference,
+                    block.local_alarm_reference,
+                    plan.alarm_cr,
+                    block.max_alarm_data_length,
+                )
             if isinstance(block, IocrBlockRes) and block.iocr_type == IocrType.OUTPUT:
                 self._output = block.frame_id, outputs.data_length
         return answer

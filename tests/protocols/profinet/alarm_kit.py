@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pnfarm.protocols.profinet.alarms.channel import (
+    QUEUE_LENGTH,
     AlarmAcknowledged,
     AlarmChannel,
     AlarmEvent,
@@ -14,6 +15,7 @@ from pnfarm.protocols.profinet.alarms.channel import (
 )
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmNotification
 from pnfarm.protocols.profinet.wire.alarms.rta import RtaPdu, parse_rta
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq
 
 DEVICE, CONTROLLER = 0x0014, 0x0001
 STEP = 100_000_000
@@ -24,12 +26,17 @@ def alarm(number: int = 0, *, high: bool = False, size: int = 2) -> AlarmNotific
     return AlarmNotification(1, 0x3A00, 1, number, 0x100, 0x68, 0, (AlarmItem(0x0010, bytes(size)),), high)
 
 
-def device_end(**options: object) -> AlarmChannel:
-    return AlarmChannel(DEVICE, CONTROLLER, **options)
+def channel(local: int, remote: int, *, queue_length: int = QUEUE_LENGTH, **wanted: int) -> AlarmChannel:
+    """``wanted`` in Connect; the device takes the longest alarms."""
+    return AlarmChannel(local, remote, AlarmCrBlockReq(**wanted), 1432, queue_length=queue_length)
 
 
-def controller_end(**options: object) -> AlarmChannel:
-    return AlarmChannel(CONTROLLER, DEVICE, **options)
+def device_end(**options: int) -> AlarmChannel:
+    return channel(DEVICE, CONTROLLER, **options)
+
+
+def controller_end(**options: int) -> AlarmChannel:
+    return channel(CONTROLLER, DEVICE, **options)
 
 
 def sent(channel: AlarmChannel, now: int = 0) -> list[RtaPdu]:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from uuid import UUID
 
+from alarm_kit import channel
 from cm_support import (
     ALARM_BLOCK,
     DAP_BLOCK,
@@ -17,7 +18,7 @@ from cm_support import (
     Plan,
 )
 
-from pnfarm.protocols.profinet.alarms.channel import AlarmAcknowledged, AlarmChannel, AlarmReceived
+from pnfarm.protocols.profinet.alarms.channel import AlarmAcknowledged, AlarmReceived
 from pnfarm.protocols.profinet.cm.device.events import SubmodulesChanged
 from pnfarm.protocols.profinet.errors import OK
 from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
@@ -89,7 +90,7 @@ class Controller:
         if status.ok:
             self.key = self.bench.key()
             alarm_cr = next(b for b in parse_blocks(answer) if type(b).__name__ == "AlarmCrBlockRes")
-            self.channel = AlarmChannel(self.number, alarm_cr.local_alarm_reference, retries=3)
+            self.channel = channel(self.number, alarm_cr.local_alarm_reference)
         return status, answer
 
     def diff(self, answer):

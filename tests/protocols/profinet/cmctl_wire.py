@@ -21,6 +21,7 @@ from pnfarm.protocols.profinet.description import DeviceDescription, Plugged
 from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq
 
 SECOND = 1_000_000_000
 SHARED = replace(DRIVE, limits=replace(DRIVE.limits, max_ars=2))
@@ -97,7 +98,7 @@ class Wire:
             "controller_object_uuid": UUID(f"dea00000-6c97-11d1-8271-0064010100{number:02x}"),
             "ar_uuid": UUID(int=0x1000 + number),
             "session_key": number,
-            "local_alarm_reference": number,
+            "alarm_cr": AlarmCrBlockReq(local_alarm_reference=number),
             "input_frame_id": 0x8000 + number,
         }
         plan: ArPlan = make_plan(**{**own, **changes})

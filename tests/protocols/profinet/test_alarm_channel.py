@@ -91,7 +91,7 @@ def test_the_numbers_go_round_at_7fff_and_those_of_alarms_at_7ff():
 
 
 def test_each_priority_has_its_own_numbers_its_frame_id_and_its_tag():
-    device = device_end(tags=(0xC000, 0xB123))
+    device = device_end(tag_header_high=0xC000, tag_header_low=0xB123)
     device.notify(alarm(1, high=True), 0)
     device.notify(alarm(2), 0)
     (high_tag, high), (low_tag, low) = device.to_send(0)
@@ -116,7 +116,7 @@ def test_both_priorities_and_both_directions_go_on_side_by_side():
 
 
 def test_an_alarm_crs_property_forces_every_alarm_to_the_low_priority():
-    device = device_end(priority_forced_low=True)
+    device = device_end(properties=1)
     device.notify(alarm(1, high=True), 0)
     (pdu,) = sent(device)
     assert (pdu.frame_id, parse_alarm(pdu.body).high) == (0xFE01, False)
@@ -152,7 +152,7 @@ def test_an_owner_may_take_its_time_and_answers_once():
 
 
 def test_an_alarm_is_repeated_and_given_up_to_the_nanosecond():
-    pair = Pair(device_end(timeout_ns=3 * STEP, retries=2), now=7, lose=lambda sender, _pdu: sender == "device")
+    pair = Pair(device_end(rta_timeout_factor=3, rta_retries=2), now=7, lose=lambda sender, _pdu: sender == "device")
     pair.device.notify(alarm(1), 7)
     pair.run()
     for attempt in (1, 2):
@@ -388,7 +388,7 @@ def test_an_unexpected_alarm_ack_is_acknowledged_and_counted():
 
 
 def test_an_alarm_ack_without_the_transport_acknowledgement_does_not_stop_the_timer():
-    device = device_end(retries=1)
+    device = device_end(rta_retries=1)
     device.notify(alarm(1), 0)
     device.receive(to_device(DATA, 0xFFFF, 0xFFFE, acknowledge(alarm(1)).emit()), 0)
     assert device.events() == [AlarmAcknowledged(1, alarm(1), OK)]

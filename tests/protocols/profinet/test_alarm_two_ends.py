@@ -118,7 +118,7 @@ def test_every_alarm_arrives_once_and_in_order_or_both_ends_report_failure(fates
 @settings(max_examples=200)
 @given(mild_fates, st.lists(st.booleans(), min_size=1, max_size=10))
 def test_with_retries_enough_every_loss_is_made_good(fates, raised):
-    wire = Wire(list(fates), device_end(retries=100), controller_end(retries=100))
+    wire = Wire(list(fates), device_end(rta_retries=100), controller_end(rta_retries=100))
     alarms = [alarm(n, high=high) for n, high in enumerate(raised)]
     for item in alarms:
         wire.device.notify(item, 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from alarm_kit import STEP, alarm
+from alarm_kit import STEP, alarm, channel
 from cmctl_peers import DEVICE_ALARM_REFERENCE, DEVICE_MAC, Line, ScriptedDevice, established, line, with_block
 
 from pnfarm.protocols.profinet.alarms.channel import AlarmAcknowledged, AlarmChannel, PeerAborted
@@ -15,15 +15,15 @@ from pnfarm.protocols.profinet.errors import OK, RtaError, rta_status
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem
 from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, parse_rta
 from pnfarm.protocols.profinet.wire.block import BlockType
-from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq, AlarmCrBlockRes
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 from pnfarm.wire.ethernet import VlanTag
 
 LOCAL = 1
 
 
-def device_end(**options: object) -> AlarmChannel:
-    return AlarmChannel(DEVICE_ALARM_REFERENCE, LOCAL, **options)
+def device_end(**options: int) -> AlarmChannel:
+    return channel(DEVICE_ALARM_REFERENCE, LOCAL, **options)
 
 
 def carry(up: Line, device: AlarmChannel, *, acks: bool = True) -> list[VlanTag]:
@@ -86,7 +86,7 @@ def test_alarms_are_taken_from_the_confirmation_of_connect_on() -> None:
 
 
 def test_an_alarm_ack_that_is_never_acknowledged_aborts_the_ar_with_code_9() -> None:
-    up, device = established(rta_timeout_factor=2, rta_retries=3), device_end()
+    up, device = established(alarm_cr=AlarmCrBlockReq(rta_timeout_factor=2, local_alarm_reference=LOCAL)), device_end()
     device.notify(alarm(1), up.now)
     start = up.now
     carry(up, device, acks=False)
@@ -135,7 +135,8 @@ def test_the_shorter_one_of_both_limits_holds() -> None:
     def long_alarms(status: object, payload: bytes) -> tuple[object, bytes]:
         return status, with_block(payload, AlarmCrBlockRes(1, DEVICE_ALARM_REFERENCE, 300), BlockType.ALARM_CR_RES)
 
-    up = established(ScriptedDevice({Opnum.CONNECT: long_alarms}), max_alarm_data_length=1432)
+    wanted = AlarmCrBlockReq(local_alarm_reference=LOCAL, max_alarm_data_length=1432)
+    up = established(ScriptedDevice({Opnum.CONNECT: long_alarms}), alarm_cr=wanted)
     device = device_end(max_alarm_data_length=1432)
     device.notify(alarm(1, size=272), 0)
     carry(up, device)

@@ -101,8 +101,7 @@ def plan_of(requests: Requests) -> ArPlan:
         send_clock_factor=iocr.send_clock_factor,
         reduction_ratio=iocr.reduction_ratio,
         input_frame_id=iocr.frame_id,
-        local_alarm_reference=alarm.local_alarm_reference,
-        max_alarm_data_length=alarm.max_alarm_data_length,
+        alarm_cr=alarm,
     )
 
 

@@ -17,7 +17,7 @@ from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload, groups_of_records
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.block import split_blocks
-from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq, ArBlockReq
 from pnfarm.protocols.profinet.wire.cm.expected import ExpectedSubmoduleBlockReq, SubmoduleProperties
 from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockReq
 
@@ -117,7 +117,7 @@ def test_the_connect_request_of_a_captured_controller_differs_only_in_its_output
         session_key=1,
         send_clock_factor=128,
         input_frame_id=0x8061,
-        max_alarm_data_length=256,
+        alarm_cr=AlarmCrBlockReq(local_alarm_reference=1, max_alarm_data_length=256),
     )
     ours = split_blocks(connect_payload(plan, *plan_frames(plan)))
     assert [b.block_type for b in ours] == [b.block_type for b in captured]

@@ -28,6 +28,7 @@ from pnfarm.protocols.profinet.description import (
     Limits,
 )
 from pnfarm.protocols.profinet.errors import OK, RtaError
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq
 from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
 
 # The whole start-up
@@ -100,8 +101,8 @@ def test_records_travel_while_connected() -> None:
         ({"frame_send_offset": 0x7FFFFFFF}, (2, 14)),
         ({"input_frame_id": 0x0100}, (2, 9)),
         ({"startup": "advanced", "rt_class": 1, "input_frame_id": 0xC000}, (2, 7)),
-        ({"rta_retries": 0}, (4, 8)),
-        ({"max_alarm_data_length": 1}, (4, 10)),
+        ({"alarm_cr": AlarmCrBlockReq(rta_retries=0)}, (4, 8)),
+        ({"alarm_cr": AlarmCrBlockReq(max_alarm_data_length=1)}, (4, 10)),
     ],
 )
 def test_a_plan_outside_of_the_standard_is_refused_with_the_code_of_its_field(

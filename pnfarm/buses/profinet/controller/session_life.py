@@ -28,6 +28,7 @@ from pnfarm.protocols.profinet.cm.controller.events import (
 )
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.wire.alarms.texts import only_disappears
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -145,7 +146,7 @@ class SessionLife(Life[DeviceSession]):
                 ),
                 phase=session.index % plan.reduction_ratio + 1,
                 input_frame_id=session.frame_id,
-                local_alarm_reference=session.index + 1,
+                alarm_cr=AlarmCrBlockReq(local_alarm_reference=session.index + 1),
             ),
             Timeouts(application_ready_ns=plan.application_ready_ns),
         )

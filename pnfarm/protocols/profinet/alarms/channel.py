@@ -43,12 +43,12 @@ from pnfarm.protocols.profinet.wire.alarms.rta import (
     error_status,
     rta_error,
 )
-from pnfarm.protocols.profinet.wire.cm.connect import ALARM_TAG_HEADER_HIGH, ALARM_TAG_HEADER_LOW
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
 from pnfarm.wire.ethernet import VlanTag
 
 if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification
+    from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq
     from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
 
 __all__ = [
@@ -61,6 +61,10 @@ __all__ = [
     "PeerAborted",
 ]
 
+#: RTATimeoutFactor counts this.
+RTA_TIMEOUT_UNIT_NS = 100_000_000
+#: AlarmCRProperties, bit 0: every alarm has low priority.
+PRIORITY_FORCED_LOW = 0x01
 #: Alarms of one priority that wait for those before them.
 QUEUE_LENGTH = 32
 
@@ -68,28 +72,26 @@ QUEUE_LENGTH = 32
 class AlarmChannel:
     """See the module's docstring.
 
-    ``local_reference`` is this end's alarm reference, ``remote_reference`` the peer's; ``timeout_ns`` is
-    RTATimeoutFactor x 100 ms, ``retries`` RTARetries, ``max_alarm_data_length`` the smaller of both ends' values in
-    Connect (octets of the VarPart); ``priority_forced_low`` is bit 0 of AlarmCRProperties; ``tags`` are
-    AlarmCRTagHeaderHigh and AlarmCRTagHeaderLow.  ``dropped`` counts PDUs that changed nothing, by reason.
+    ``local_reference`` is this end's alarm reference, ``remote_reference`` the peer's; ``cr`` is what the controller
+    wanted in Connect, ``device_length`` the device's MaxAlarmDataLength.  ``dropped`` counts PDUs that changed nothing,
+    by reason.
     """
 
     def __init__(
         self,
         local_reference: int,
         remote_reference: int,
+        cr: AlarmCrBlockReq,
+        device_length: int,
         *,
-        timeout_ns: int = 100_000_000,
-        retries: int = 3,
-        max_alarm_data_length: int = 200,
-        priority_forced_low: bool = False,
-        tags: tuple[int, int] = (ALARM_TAG_HEADER_HIGH, ALARM_TAG_HEADER_LOW),
         queue_length: int = QUEUE_LENGTH,
     ) -> None:
         self.dropped: Counter[str] = Counter()
-        self._settings = LineSettings(local_reference, remote_reference, timeout_ns, retries, max_alarm_data_length)
+        timeout_ns = cr.rta_timeout_factor * RTA_TIMEOUT_UNIT_NS
+        length = min(device_length, cr.max_alarm_data_length)
+        self._settings = LineSettings(local_reference, remote_reference, timeout_ns, cr.rta_retries, length)
         self._queue_length = queue_length
-        self._tags = {frame_id: _tag(tag) for frame_id, tag in zip((ALARM_HIGH, ALARM_LOW), tags, strict=True)}
+        self._tags = {ALARM_HIGH: _tag(cr.tag_header_high), ALARM_LOW: _tag(cr.tag_header_low)}
         self._open = True
         self._handle = 0
         self._events: list[AlarmEvent] = []
@@ -97,7 +99,7 @@ class AlarmChannel:
         self._withheld: frozenset[int] = frozenset()
         self._high = AlarmLine(self._settings, self, high=True)
         self._low = AlarmLine(self._settings, self, high=False)
-        self._only: AlarmLine | None = self._low if priority_forced_low else None
+        self._only: AlarmLine | None = self._low if cr.properties & PRIORITY_FORCED_LOW else None
 
     @property
     def is_open(self) -> bool:

@@ -30,11 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ControllerAlarms"]
 
-#: RTATimeoutFactor counts these.
-_RTA_UNIT_NS = 100_000_000
-#: AlarmCRProperties bit 0: every alarm is of low priority.
-_FORCED_LOW = 0x01
-
 
 class ControllerAlarms:
     """``dropped`` is the owner's; reasons begin with ``rta-``."""
@@ -52,15 +47,10 @@ class ControllerAlarms:
 
     def open(self, accepted: ConnectAnswer) -> None:
         """The device accepted the Connect: alarms may come."""
-        plan = self._plan
+        cr = self._plan.alarm_cr
         self._device_mac = accepted.device_mac
         self._channel = AlarmChannel(
-            plan.local_alarm_reference,
-            accepted.alarm_reference,
-            timeout_ns=plan.rta_timeout_factor * _RTA_UNIT_NS,
-            retries=plan.rta_retries,
-            max_alarm_data_length=min(plan.max_alarm_data_length, accepted.max_alarm_data_length),
-            priority_forced_low=bool(plan.alarm_properties & _FORCED_LOW),
+            cr.local_alarm_reference, accepted.alarm_reference, cr, accepted.max_alarm_data_length
         )
 
     def receive(self, payload: bytes, source_mac: bytes, now: int) -> None:
@@ -73,7 +63,7 @@ class ControllerAlarms:
         except DecodeError as exc:
             self._dropped[f"rta-{exc.reason}"] += 1
             return
-        if pdu.destination != self._plan.local_alarm_reference:
+        if pdu.destination != self._plan.alarm_cr.local_alarm_reference:
             self._dropped["rta-of-another-ar"] += 1
             return
         self._channel.receive(pdu, now)

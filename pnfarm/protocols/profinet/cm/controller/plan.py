@@ -9,7 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from pnfarm.protocols.profinet.wire.cm.connect import STARTUP_ADVANCED, STARTUP_LEGACY, ArProperties, ArType
+from pnfarm.protocols.profinet.wire.cm.connect import (
+    STARTUP_ADVANCED,
+    STARTUP_LEGACY,
+    AlarmCrBlockReq,
+    ArProperties,
+    ArType,
+)
 from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties, SubmoduleType
 from pnfarm.protocols.profinet.wire.cm.iocr import (
     FRAME_ID_ASSIGN,
@@ -84,12 +90,15 @@ class ParameterRecord:
     data: bytes
 
 
+_ALARM_CR = AlarmCrBlockReq(local_alarm_reference=1)
+
+
 @dataclass(frozen=True, slots=True)
 class ArPlan:
     """One application relation as its initiator requests it.
 
-    Factors are in the standard's units: ``send_clock_factor`` in 31.25 us, ``activity_timeout_factor`` and
-    ``rta_timeout_factor`` in 100 ms.  ``data_hold_factor`` None means: as ``watchdog_factor``, which is what the
+    Factors are in the standard's units: ``send_clock_factor`` in 31.25 us, ``activity_timeout_factor`` in 100 ms.
+    ``data_hold_factor`` None means: as ``watchdog_factor``, which is what the
     standard requires if a device knows only one of them.  The defaults are those of the captured controllers.
     """
 
@@ -130,12 +139,7 @@ class ArPlan:
     #: The most CRs of each direction; the frame ids of further ones follow that of the first.
     input_crs: int = 1
     output_crs: int = 1
-    # Alarms
-    rta_timeout_factor: int = 1
-    rta_retries: int = 3
-    local_alarm_reference: int = 1
-    max_alarm_data_length: int = 200
-    alarm_properties: int = 0
+    alarm_cr: AlarmCrBlockReq = _ALARM_CR
     #: The device's own texts for its diagnoses, if its description is available.
     texts: DiagnosisTexts | None = None
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
-from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq, ArBlockReq
+from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq
 from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, SubmoduleList
 from pnfarm.protocols.profinet.wire.cm.expected import (
     DataDescription,
@@ -134,13 +134,7 @@ def connect_payload(plan: ArPlan, *layouts: IocrLayout) -> bytes:
         ar,
         *(_iocr_block(plan, layout) for layout in layouts),
         *_expected_blocks(plan),
-        AlarmCrBlockReq(
-            properties=plan.alarm_properties,
-            rta_timeout_factor=plan.rta_timeout_factor,
-            rta_retries=plan.rta_retries,
-            local_alarm_reference=plan.local_alarm_reference,
-            max_alarm_data_length=plan.max_alarm_data_length,
-        ),
+        plan.alarm_cr,
     ]
     return emit_blocks(blocks)
 

@@ -36,10 +36,6 @@ if TYPE_CHECKING:
 
 __all__ = ["AlarmEnded", "AlarmFrame", "DeviceAlarms"]
 
-#: RTATimeoutFactor counts this.
-RTA_TIMEOUT_UNIT_NS = 100_000_000
-#: AlarmCRProperties, bit 0: every alarm has low priority.
-PRIORITY_FORCED_LOW = 0x01
 #: The AlarmAck to a controller's own alarm.
 ALARM_NOT_SUPPORTED = pnio_error(ErrorCode.ALARM_ACK, ConnectFault.ALARM_ACK, AlarmAckError.ALARM_TYPE_NOT_SUPPORTED)
 #: Alarms that wait for an AR that gets none yet.
@@ -104,19 +100,10 @@ class DeviceAlarms:
 
     def open(self, ar: Ar, max_alarm_data_length: int) -> None:
         """An AR was connected; without an AlarmCR there is nothing to open."""
-        cr = ar.alarm_cr
-        if cr is None:
-            return
-        channel = AlarmChannel(
-            ar.local_alarm_reference,
-            ar.remote_alarm_reference,
-            timeout_ns=cr.rta_timeout_factor * RTA_TIMEOUT_UNIT_NS,
-            retries=cr.rta_retries,
-            max_alarm_data_length=min(max_alarm_data_length, cr.max_alarm_data_length),
-            priority_forced_low=bool(cr.properties & PRIORITY_FORCED_LOW),
-            tags=(cr.tag_header_high, cr.tag_header_low),
-        )
-        self._lines[ar.key] = _Line(channel, ar.initiator_mac)
+        if ar.alarm_cr is not None:
+            references = ar.local_alarm_reference, ar.remote_alarm_reference
+            channel = AlarmChannel(*references, ar.alarm_cr, max_alarm_data_length)
+            self._lines[ar.key] = _Line(channel, ar.initiator_mac)
 
     def hold(self, ar_key: int) -> None:
         """Hold alarms back from now on, also those that the channel has not sent yet."""
