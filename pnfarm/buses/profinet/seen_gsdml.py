@@ -31,7 +31,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
 from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRef
 from pnfarm.protocols.profinet.gsdml.values import Numbers, emit_octets
 from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
-from pnfarm.protocols.profinet.wire.cm.iocr import IocrType
+from pnfarm.protocols.profinet.wire.cm.iocr import MAX_C_SDU, IocrType
 from pnfarm.vocabulary.quoting import printable
 
 if TYPE_CHECKING:
@@ -47,9 +47,6 @@ _ACCESS_POINT = "DAP"
 _NS = 1_000_000_000
 #: The end of the year 9999: a capture may have any time.
 _LAST = 253_402_300_799
-#: Octets of the longest frame's data (IEC 61158-6-10, C_SDU of RT class 1): no frame says what the device takes, which
-#: is at least the modules of all connections.
-_LONGEST = 1440
 #: Controllers at a time; real devices have up to eight.
 _MOST_CONTROLLERS = 16
 _U16 = 0xFFFF
@@ -187,7 +184,8 @@ def _dap(head: SeenModule, slot: _Slot, name: str, connections: Sequence[SeenCon
         for subslot, one in head.submodules.items()
         if is_interface(subslot) and _is_system(subslot, one)
     ]
-    longest = min(_U16, _LONGEST * len(connections) * max(inputs, outputs))
+    # no frame says what the device takes, which is at least the modules of all connections
+    longest = min(_U16, MAX_C_SDU * len(connections) * max(inputs, outputs))
     discards = SubmoduleProperties.DISCARD_IOXS
     return Dap(
         id=_ACCESS_POINT,

@@ -13,12 +13,12 @@ from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.ar import CmdevState
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmctlState
 from pnfarm.protocols.profinet.cm.controller.events import ArFailed
-from pnfarm.protocols.profinet.cm.controller.frames import MAX_C_SDU, MIN_C_SDU, divide, plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import divide, plan_frames
 from pnfarm.protocols.profinet.cm.controller.plan import PlannedSubmodule
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.errors import CmrpcError, IocrField
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
-from pnfarm.protocols.profinet.wire.cm.iocr import FrameSlot, IocrBlockReq, IocrBlockRes, IocrType
+from pnfarm.protocols.profinet.wire.cm.iocr import MAX_C_SDU, MIN_C_SDU, FrameSlot, IocrBlockReq, IocrBlockRes, IocrType
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 
 TELEGRAM = 0x3A00

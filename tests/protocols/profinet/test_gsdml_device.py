@@ -34,7 +34,7 @@ from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.protocols.profinet.cm.controller.events import ArEstablished, Connected
-from pnfarm.protocols.profinet.cm.controller.frames import MIN_C_SDU, plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
 from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
@@ -43,6 +43,7 @@ from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 from pnfarm.protocols.profinet.records.store import Index
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks
 from pnfarm.protocols.profinet.wire.block import RawBlock, split_blocks
+from pnfarm.protocols.profinet.wire.cm.iocr import MIN_C_SDU
 from pnfarm.protocols.profinet.wire.dcp.blocks import BlockError, ResetToFactoryBlock
 from pnfarm.protocols.profinet.wire.records.identification import IdentificationData, Im0
 from pnfarm.table.image import IMAGE

@@ -41,6 +41,7 @@ from pnfarm.protocols.profinet.gsdml.records import MAX_RECORD, parse_record, re
 from pnfarm.protocols.profinet.gsdml.safe_xml import Node, parse_xml
 from pnfarm.protocols.profinet.gsdml.values import Numbers
 from pnfarm.protocols.profinet.gsdml.versions import Attributes, version_of
+from pnfarm.protocols.profinet.wire.cm.iocr import MAX_C_SDU
 
 if TYPE_CHECKING:
     from collections.abc import Container, Sequence
@@ -52,8 +53,8 @@ __all__ = ["ROOT", "parse_gsdml"]
 ROOT = "ISO15745Profile"
 _U16 = 0xFFFF
 _U32 = 0xFFFF_FFFF
-#: Octets of one submodule's data in one direction (IEC 61158-6-10, C_SDU of RT class 1 less a status octet).
-_MAX_DATA = 1439
+#: Octets of one submodule's data in one direction: there is a status octet.
+_MAX_DATA = MAX_C_SDU - 1
 #: MAUType, the attribute of V2.0, as numbers of MAU types (IETF RFC 4836).
 _MAU_TYPES = {
     "100BASETXFD": 16,

@@ -27,18 +27,14 @@ from pnfarm.protocols.profinet.cm.ar import DataPlace, IocrLayout, IocsPlace
 from pnfarm.protocols.profinet.cm.controller.plan import ordered
 from pnfarm.protocols.profinet.wire.cm.connect import ArType
 from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
-from pnfarm.protocols.profinet.wire.cm.iocr import FRAME_ID_ASSIGN, IocrType
+from pnfarm.protocols.profinet.wire.cm.iocr import FRAME_ID_ASSIGN, MAX_C_SDU, MIN_C_SDU, IocrType
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, Clock, PlannedSubmodule
 
-__all__ = ["MAX_C_SDU", "MIN_C_SDU", "PlannedCr", "divide", "plan_frames"]
-
-#: Octets of IO data that one frame of RT class 1 or 2 carries, from and to (IEC 61158-6-10, C_SDU).
-MIN_C_SDU = 40
-MAX_C_SDU = 1440
+__all__ = ["PlannedCr", "divide", "plan_frames"]
 
 #: SubmoduleProperties that would change the content of frames; this controller does not support them.
 _UNSUPPORTED_PROPERTIES = SubmoduleProperties.REDUCE_INPUT_LENGTH | SubmoduleProperties.REDUCE_OUTPUT_LENGTH

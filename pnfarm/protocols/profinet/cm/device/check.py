@@ -51,6 +51,8 @@ from pnfarm.protocols.profinet.wire.cm.expected import (
 from pnfarm.protocols.profinet.wire.cm.iocr import (
     ETHERTYPE_PROFINET,
     FRAME_SEND_OFFSET_ANY,
+    MAX_C_SDU,
+    MIN_C_SDU,
     IocrBlockReq,
     IocrType,
     RtClass,
@@ -73,8 +75,6 @@ __all__ = ["FRAME_ID_RANGES", "ConnectRequest", "RefusedError", "check_connect",
 #: Unicast frame ids by RT class (IEC 61158-6-10, FrameID).
 FRAME_ID_RANGES: dict[int, range] = {RtClass.CLASS_1: RT_UDP_UNICAST, RtClass.CLASS_2: RTC1_UNICAST}
 
-_MAX_C_SDU = 1440
-_MIN_C_SDU = 40
 #: DataHoldFactor, greatest value.
 _MAX_FACTOR = 0x1E00
 #: The data hold time of RT class 1 and 2 is at most 1.92 s.
@@ -236,8 +236,8 @@ def _check_iocr(iocr: IocrBlockReq, description: DeviceDescription, *, advanced:
         refuse(IocrField.IOCR_PROPERTIES, f"RT class {iocr.rt_class} is not supported{why}")
     if iocr.properties & _IOCR_RESERVED:
         refuse(IocrField.IOCR_PROPERTIES, f"IOCRProperties 0x{iocr.properties:08X} has reserved bits")
-    if not _MIN_C_SDU <= iocr.data_length <= _MAX_C_SDU:
-        refuse(IocrField.DATA_LENGTH, f"DataLength {iocr.data_length} is not within {_MIN_C_SDU} to {_MAX_C_SDU}")
+    if not MIN_C_SDU <= iocr.data_length <= MAX_C_SDU:
+        refuse(IocrField.DATA_LENGTH, f"DataLength {iocr.data_length} is not within {MIN_C_SDU} to {MAX_C_SDU}")
     if iocr.iocr_type == IocrType.INPUT and iocr.frame_id not in FRAME_ID_RANGES[iocr.rt_class]:
         refuse(IocrField.FRAME_ID, f"FrameID 0x{iocr.frame_id:04X} is not of RT class {iocr.rt_class}")
     _check_timing(iocr, description)
@@ -311,7 +311,7 @@ def _check_submodule(api: int, sub: ExpectedSubmodule) -> None:
     if sorted(d.direction for d in sub.data) != _DIRECTIONS[kind]:
         refuse(ExpectedField.DATA_DESCRIPTION, "DataDescription does not fit the submodule's type")
     for data in sub.data:
-        if data.data_length > _MAX_C_SDU - 1 or (kind == SubmoduleType.NO_IO and data.data_length):
+        if data.data_length > MAX_C_SDU - 1 or (kind == SubmoduleType.NO_IO and data.data_length):
             refuse(ExpectedField.SUBMODULE_DATA_LENGTH, f"SubmoduleDataLength {data.data_length}")
         if sub.discards_ioxs:
             # the frames have no status octets: their lengths mean nothing

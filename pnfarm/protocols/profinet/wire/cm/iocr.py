@@ -12,6 +12,8 @@ __all__ = [
     "FRAME_ID_ASSIGN",
     "FRAME_SEND_OFFSET_ANY",
     "IOCR_TAG_HEADER",
+    "MAX_C_SDU",
+    "MIN_C_SDU",
     "FrameSlot",
     "IocrApi",
     "IocrBlockReq",
@@ -27,6 +29,9 @@ FRAME_SEND_OFFSET_ANY = 0xFFFFFFFF
 #: IOCRTagHeader: user priority 6 << 13 | VLAN identifier 0.
 IOCR_TAG_HEADER = 0xC000
 MULTICAST_MAC_NONE = bytes(6)
+#: Octets of IO data that one frame of RT class 1 or 2 carries, from and to (IEC 61158-6-10, C_SDU).
+MIN_C_SDU = 40
+MAX_C_SDU = 1440
 
 
 class IocrType(IntEnum):
