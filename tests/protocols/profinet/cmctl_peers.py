@@ -275,7 +275,6 @@ def plans(draw: st.DrawFn) -> ArPlan:
     return make_plan(
         submodules=tuple(submodules),
         startup=draw(st.sampled_from(("legacy", "advanced"))),
-        expected_blocks=draw(st.sampled_from(("per-api", "per-slot"))),
         session_key=draw(st.integers(0, 0xFFFF)),
         input_crs=64,
         output_crs=64,

@@ -92,7 +92,6 @@ def plan_of(requests: Requests) -> ArPlan:
         activity_timeout_factor=ar.activity_timeout_factor,
         startup="advanced" if ar.properties >> 30 & 1 else "legacy",
         submodules=submodules,
-        expected_blocks="per-slot",
         records=tuple(
             ParameterRecord(w.header.api, w.header.slot, w.header.subslot, w.header.index, w.data) for w in writes
         ),

@@ -85,14 +85,11 @@ def test_the_device_side_reads_the_same_layouts_out_of_the_connect_request(plan:
 
 
 @given(plans())
-def test_expected_submodules_come_in_one_block_per_api_or_one_per_slot(plan: ArPlan) -> None:
+def test_expected_submodules_come_in_one_block_per_slot(plan: ArPlan) -> None:
     _, blocks = frame_blocks(plan)
     places = [(api.api, api.slot) for block in blocks for api in block.apis]
     assert places == sorted({(s.api, s.slot) for s in plan.submodules})
-    if plan.expected_blocks == "per-slot":
-        assert len(blocks) == len(places)
-    else:
-        assert [{api.api for api in block.apis} for block in blocks] == [{a} for a in sorted({p[0] for p in places})]
+    assert len(blocks) == len(places)
 
 
 @pytest.mark.parametrize(("startup", "properties"), [("legacy", 0x00000011), ("advanced", 0x40000011)])

@@ -35,10 +35,9 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
 
 
 @pytest.mark.parametrize("multiple_write", [False, True])
-@pytest.mark.parametrize("expected_blocks", ["per-api", "per-slot"])
 @pytest.mark.parametrize("startup", ["legacy", "advanced"])
-def test_both_ends_reach_data_and_agree_on_the_frames(startup: str, expected_blocks: str, multiple_write: bool) -> None:
-    both = pair(startup=startup, expected_blocks=expected_blocks, multiple_write=multiple_write, records=RECORDS)
+def test_both_ends_reach_data_and_agree_on_the_frames(startup: str, multiple_write: bool) -> None:
+    both = pair(startup=startup, multiple_write=multiple_write, records=RECORDS)
     both.start()
     assert both.controller.state is CmctlState.DATA
     assert both.events[-1] == ArEstablished()
@@ -97,8 +96,6 @@ def test_records_travel_while_connected() -> None:
         ({"controller_name": ""}, (1, 12)),
         ({"send_clock_factor": 3}, (2, 10)),
         ({"reduction_ratio": 513}, (2, 11)),
-        ({"phase": 2}, (2, 12)),
-        ({"frame_send_offset": 0x7FFFFFFF}, (2, 14)),
         ({"input_frame_id": 0x0100}, (2, 9)),
         ({"startup": "advanced", "rt_class": 1, "input_frame_id": 0xC000}, (2, 7)),
         ({"alarm_cr": AlarmCrBlockReq(rta_retries=0)}, (4, 8)),

@@ -139,7 +139,6 @@ class SessionLife(Life[DeviceSession]):
                 controller_object_uuid=self._object_uuid,
                 ar_uuid=uuid,
                 session_key=self._session_key,
-                expected_blocks="per-slot",
                 # a device that may take longer to be ready is not to give up before
                 activity_timeout_factor=min(
                     LONGEST_ACTIVITY_TIMEOUT, max(ACTIVITY_TIMEOUT, plan.application_ready_ns // 100_000_000)

@@ -117,10 +117,9 @@ class IocrLayout:
     frame_send_offset: int
     watchdog_factor: int
     data_hold_factor: int
-    rt_class: int
     data: tuple[DataPlace, ...]
     iocs: tuple[IocsPlace, ...]
-    properties: int = 0
+    properties: int
     tag_header: int = IOCR_TAG_HEADER
 
     @property
@@ -334,7 +333,6 @@ def compute_layout(
         frame_send_offset=iocr.frame_send_offset,
         watchdog_factor=iocr.watchdog_factor,
         data_hold_factor=iocr.data_hold_factor,
-        rt_class=iocr.rt_class,
         data=tuple(data.values()),
         iocs=tuple(iocs.values()),
         properties=iocr.properties,

@@ -27,7 +27,13 @@ from pnfarm.protocols.profinet.cm.ar import DataPlace, IocrLayout, IocsPlace
 from pnfarm.protocols.profinet.cm.controller.plan import ordered
 from pnfarm.protocols.profinet.wire.cm.connect import ArType
 from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
-from pnfarm.protocols.profinet.wire.cm.iocr import FRAME_ID_ASSIGN, MAX_C_SDU, MIN_C_SDU, IocrType
+from pnfarm.protocols.profinet.wire.cm.iocr import (
+    FRAME_ID_ASSIGN,
+    FRAME_SEND_OFFSET_ANY,
+    MAX_C_SDU,
+    MIN_C_SDU,
+    IocrType,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -146,24 +152,21 @@ def divide(
 
 def _layout(plan: ArPlan, iocr_type: IocrType, number: int, reference: int, cr: PlannedCr) -> IocrLayout:
     factor, ratio = cr.clock
-    frame_id = plan.input_frame_id if iocr_type is IocrType.INPUT else plan.output_frame_id
     return IocrLayout(
         iocr_type=int(iocr_type),
         iocr_reference=reference,
-        frame_id=frame_id if frame_id == FRAME_ID_ASSIGN else frame_id + number,
+        frame_id=plan.input_frame_id + number if iocr_type is IocrType.INPUT else FRAME_ID_ASSIGN,
         data_length=max(cr.octets, MIN_C_SDU),
         send_clock_factor=factor,
         reduction_ratio=ratio,
         # the frames of several CRs of one cycle are spread
-        phase=plan.phase if (number, ratio) == (0, plan.reduction_ratio) else (plan.phase - 1 + number) % ratio + 1,
-        frame_send_offset=plan.frame_send_offset,
+        phase=(plan.phase - 1 + number) % ratio + 1,
+        frame_send_offset=FRAME_SEND_OFFSET_ANY,
         watchdog_factor=plan.watchdog_factor,
-        data_hold_factor=plan.hold_factor,
-        rt_class=int(plan.rt_class),
+        data_hold_factor=plan.watchdog_factor,
         data=tuple(cr.data),
         iocs=tuple(cr.iocs),
-        properties=int(plan.rt_class),
-        tag_header=plan.tag_header,
+        properties=plan.rt_class,
     )
 
 

@@ -17,12 +17,7 @@ from pnfarm.protocols.profinet.wire.cm.connect import (
     ArType,
 )
 from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties, SubmoduleType
-from pnfarm.protocols.profinet.wire.cm.iocr import (
-    FRAME_ID_ASSIGN,
-    FRAME_SEND_OFFSET_ANY,
-    IOCR_TAG_HEADER,
-    RtClass,
-)
+from pnfarm.protocols.profinet.wire.cm.iocr import RtClass
 from pnfarm.protocols.profinet.wire.rpc.pdu import object_uuid
 
 if TYPE_CHECKING:
@@ -98,8 +93,8 @@ class ArPlan:
     """One application relation as its initiator requests it.
 
     Factors are in the standard's units: ``send_clock_factor`` in 31.25 us, ``activity_timeout_factor`` in 100 ms.
-    ``data_hold_factor`` None means: as ``watchdog_factor``, which is what the
-    standard requires if a device knows only one of them.  The defaults are those of the captured controllers.
+    ``watchdog_factor`` is also the data hold factor, as the standard requires if a device knows only one of them.  The
+    defaults are those of the captured controllers.
     """
 
     # Identity
@@ -120,7 +115,6 @@ class ArPlan:
     device_access: bool = False
     startup: Literal["legacy", "advanced"] = "legacy"
     activity_timeout_factor: int = 600
-    expected_blocks: Literal["per-api", "per-slot"] = "per-api"
     records: tuple[ParameterRecord, ...] = ()
     multiple_write: bool = False
     #: Octets of one MultipleWrite's record; what does not fit goes into a further one.
@@ -129,13 +123,9 @@ class ArPlan:
     send_clock_factor: int = 32
     reduction_ratio: int = 1
     phase: int = 1
-    frame_send_offset: int = FRAME_SEND_OFFSET_ANY
     watchdog_factor: int = 3
-    data_hold_factor: int | None = None
     rt_class: int = RtClass.CLASS_2
     input_frame_id: int = 0x8000
-    output_frame_id: int = FRAME_ID_ASSIGN
-    tag_header: int = IOCR_TAG_HEADER
     #: The most CRs of each direction; the frame ids of further ones follow that of the first.
     input_crs: int = 1
     output_crs: int = 1
@@ -162,10 +152,6 @@ class ArPlan:
     def device_object_uuid(self) -> UUID:
         """Object UUID that every call to the device carries."""
         return object_uuid(self.instance, self.device_id, self.vendor_id)
-
-    @property
-    def hold_factor(self) -> int:
-        return self.watchdog_factor if self.data_hold_factor is None else self.data_hold_factor
 
 
 def ordered(submodules: Iterable[PlannedSubmodule]) -> tuple[PlannedSubmodule, ...]:

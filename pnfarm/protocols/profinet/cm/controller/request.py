@@ -83,16 +83,13 @@ def _expected(submodule: PlannedSubmodule) -> ExpectedSubmodule:
 
 
 def _expected_blocks(plan: ArPlan) -> list[ExpectedSubmoduleBlockReq]:
-    slots = [
-        ExpectedApi(api, slot, ident, tuple(_expected(submodule) for submodule in group))
+    return [
+        ExpectedSubmoduleBlockReq((ExpectedApi(api, slot, ident, tuple(_expected(submodule) for submodule in group)),))
         for (api, slot, ident), group in groupby(plan.sorted_submodules, lambda s: (s.api, s.slot, s.module_ident))
     ]
-    if plan.expected_blocks == "per-slot":
-        return [ExpectedSubmoduleBlockReq((slot,)) for slot in slots]
-    return [ExpectedSubmoduleBlockReq(tuple(group)) for _, group in groupby(slots, lambda entry: entry.api)]
 
 
-def _iocr_block(plan: ArPlan, layout: IocrLayout) -> IocrBlockReq:
+def _iocr_block(layout: IocrLayout) -> IocrBlockReq:
     apis = []
     for api in sorted({d.api for d in layout.data} | {c.api for c in layout.iocs}):
         data = tuple(FrameSlot(d.slot, d.subslot, d.data_offset) for d in layout.data if d.api == api)
@@ -101,7 +98,7 @@ def _iocr_block(plan: ArPlan, layout: IocrLayout) -> IocrBlockReq:
     return IocrBlockReq(
         iocr_type=layout.iocr_type,
         iocr_reference=layout.iocr_reference,
-        properties=plan.rt_class,
+        properties=layout.properties,
         data_length=layout.data_length,
         frame_id=layout.frame_id,
         send_clock_factor=layout.send_clock_factor,
@@ -132,7 +129,7 @@ def connect_payload(plan: ArPlan, *layouts: IocrLayout) -> bytes:
         return emit_blocks([ar])
     blocks: list[Block] = [
         ar,
-        *(_iocr_block(plan, layout) for layout in layouts),
+        *(_iocr_block(layout) for layout in layouts),
         *_expected_blocks(plan),
         plan.alarm_cr,
     ]

@@ -14,7 +14,7 @@ from pnfarm.protocols.profinet.wire.cm.connect import (
     ArServerBlock,
     ArVendorBlockRes,
 )
-from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockRes
+from pnfarm.protocols.profinet.wire.cm.iocr import RT_CLASS_MASK, IocrBlockRes
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def fill(ar: Ar, request: ConnectRequest, layouts: tuple[IocrLayout, ...], other
     used = {c.frame_id for other in standing for c in other.iocrs} | {c.frame_id for c in layouts}
     given = []
     for layout in layouts:
-        usable = FRAME_ID_RANGES[layout.rt_class]
+        usable = FRAME_ID_RANGES[layout.properties & RT_CLASS_MASK]
         if not layout.is_input and (layout.frame_id not in usable or layout.frame_id in listened):
             layout = replace(layout, frame_id=next(i for i in usable if i not in used))
         if not layout.is_input:

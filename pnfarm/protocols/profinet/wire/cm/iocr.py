@@ -14,6 +14,7 @@ __all__ = [
     "IOCR_TAG_HEADER",
     "MAX_C_SDU",
     "MIN_C_SDU",
+    "RT_CLASS_MASK",
     "FrameSlot",
     "IocrApi",
     "IocrBlockReq",
@@ -29,6 +30,8 @@ FRAME_SEND_OFFSET_ANY = 0xFFFFFFFF
 #: IOCRTagHeader: user priority 6 << 13 | VLAN identifier 0.
 IOCR_TAG_HEADER = 0xC000
 MULTICAST_MAC_NONE = bytes(6)
+#: IOCRProperties: :class:`RtClass`.
+RT_CLASS_MASK = 0x0F
 #: Octets of IO data that one frame of RT class 1 or 2 carries, from and to (IEC 61158-6-10, C_SDU).
 MIN_C_SDU = 40
 MAX_C_SDU = 1440
@@ -98,7 +101,7 @@ class IocrBlockReq(
 
     @property
     def rt_class(self) -> int:
-        return self.properties & 0x0F
+        return self.properties & RT_CLASS_MASK
 
 
 class IocrBlockRes(Block, types=BlockType.IOCR_RES):
