@@ -533,11 +533,11 @@ def octets(count: int) -> Fixed:
     return Fixed(f"{count}s", None, store)
 
 
-def padded(count: int, fill: bytes = b" ") -> Fixed:
-    """So many octets: fewer are padded, more are cut."""
+def padded(count: int) -> Fixed:
+    """So many octets: fewer are padded with spaces, more are cut."""
 
     def store(value: bytes) -> bytes:
-        return value.ljust(count, fill)[:count]
+        return value.ljust(count, b" ")[:count]
 
     return Fixed(f"{count}s", None, store)
 

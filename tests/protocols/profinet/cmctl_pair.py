@@ -27,6 +27,7 @@ from pnfarm.protocols.profinet.description import (
 from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 
 SECOND = 1_000_000_000
 CONTROLLER = Peer(IPv4Address("10.77.0.1"), 49152)
@@ -82,7 +83,7 @@ class Pair:
     def _carry_ready(self) -> bool:
         calls = self.device.calls()
         for call in calls:
-            self.controller.receive_call(call.token, call.opnum, call.payload, self.now)
+            self.controller.receive_call(call.token, Opnum.CONTROL, call.payload, self.now)
             for key, status, payload in self.controller.responses():
                 self.device.call_returned(key, status, payload, self.now)
         return bool(calls)

@@ -22,6 +22,7 @@ from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 
 SECOND = 1_000_000_000
 SHARED = replace(DRIVE, limits=replace(DRIVE.limits, max_ars=2))
@@ -155,7 +156,7 @@ class Wire:
         moved = False
         for call in self.device.calls():
             end = next(e for e in self.ends if e.peer.ip == call.peer_ip)
-            end.machine.receive_call(call.token, call.opnum, call.payload, self.now)
+            end.machine.receive_call(call.token, Opnum.CONTROL, call.payload, self.now)
             moved = True
         for end in self.ends:
             for token, status, payload in end.machine.responses():

@@ -80,7 +80,7 @@ def test_a_whole_start_up_in_both_modes(startup):
 
     assert bench.cm.application_ready(key, 0)
     (call,) = bench.cm.calls()
-    assert (call.peer_ip, call.opnum, call.port) == (IPv4Address("10.0.0.1"), 4, None)
+    assert (call.peer_ip, call.port) == (IPv4Address("10.0.0.1"), None)
     (request,) = parse_blocks(call.payload)
     assert (request.block_type, request.command) == (0x0112, ControlCommand.APPLICATION_READY)
     assert bench.cm.ar(key).state is CmdevState.W_ARDYCNF

@@ -211,7 +211,7 @@ class DevicePump:
                 CALL_PORT,
                 UUID_PNIO_CONTROLLER,
                 call.object_uuid,
-                call.opnum,
+                Opnum.CONTROL,
                 args_maximum=ARGS_MAXIMUM,
                 payload=call.payload,
                 now=now,

@@ -106,10 +106,10 @@ class AlarmChannel:
         """It has not failed, been aborted or closed."""
         return self._open
 
-    def outstanding(self, *, high: bool) -> tuple[int, AlarmNotification] | None:
-        """Handle and alarm, as it was sent, whose AlarmAck is awaited in this priority."""
-        found = self._line(high=high).outstanding
-        return None if found is None else (found.handle, found.alarm)
+    @property
+    def outstanding(self) -> Queued | None:
+        """Handle and alarm of low priority, as it was sent, whose AlarmAck is awaited."""
+        return self._line(high=False).outstanding
 
     def is_full(self, *, high: bool) -> bool:
         """Whether :meth:`notify` accepts no more alarms of this priority."""

@@ -200,10 +200,10 @@ class DeviceAlarms:
     def number_of(self, ar_key: int, sequence: int) -> int | None:
         """The alarm of low priority with this sequence number whose AlarmAck is still awaited."""
         line = self._lines.get(ar_key)
-        found = line.channel.outstanding(high=False) if line is not None else None
-        if line is None or found is None or found[1].sequence_number != sequence:
+        found = line.channel.outstanding if line is not None else None
+        if line is None or found is None or found.alarm.sequence_number != sequence:
             return None
-        return line.numbers.get(found[0])
+        return line.numbers.get(found.handle)
 
     # frames and time
 

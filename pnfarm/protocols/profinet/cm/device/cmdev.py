@@ -469,7 +469,6 @@ class CmDevice:
             case BlockType.PRM_BEGIN_REQ if call.submodules is not None and ar.state is CmdevState.DATA:
                 check_list(call.submodules, ar)
                 if begin.step(CmpbeEvent.PRM_BEGIN_IND):
-                    begin.submodules = call.submodules.entries
                     begin.step(CmpbeEvent.PRM_BEGIN_RSP)
                     self.alarms.hold(ar.key)
                     return

@@ -129,10 +129,9 @@ CMPBE_TRANSITIONS: dict[tuple[CmpbeState, CmpbeEvent], CmpbeState] = {
 
 @dataclass(slots=True)
 class ParameterBegin:
-    """An AR's CMPBE; ``submodules`` are those of the last PrmBegin."""
+    """An AR's CMPBE."""
 
     state: CmpbeState = CmpbeState.IDLE
-    submodules: tuple[ExpectedKey, ...] = ()
 
     def step(self, event: CmpbeEvent) -> bool:
         """False when the event does not belong to this state."""
@@ -141,8 +140,3 @@ class ParameterBegin:
             return False
         self.state = after
         return True
-
-    @property
-    def under_way(self) -> bool:
-        """Parameters are being written, or the application is not ready with them."""
-        return self.state not in {CmpbeState.IDLE, CmpbeState.WFIND}

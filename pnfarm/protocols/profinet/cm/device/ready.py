@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand
-from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -23,7 +22,7 @@ __all__ = ["OutgoingCall", "ReadyCalls"]
 
 @dataclass(frozen=True, slots=True)
 class OutgoingCall:
-    """A call to the controller's object; ``port`` is where an ARRPCBlock asked for it, None for the usual one.
+    """A Control call to the controller's object; ``port`` is where an ARRPCBlock asked for it, None for the usual one.
 
     ``token`` names the call in :meth:`CmDevice.call_returned`; ``sequence`` is the alarm that it follows, if any.
     """
@@ -32,7 +31,6 @@ class OutgoingCall:
     ar_key: int
     peer_ip: IPv4Address
     object_uuid: UUID
-    opnum: int
     payload: bytes
     port: int | None = None
     block_type: BlockType = BlockType.APPLICATION_READY_REQ
@@ -61,7 +59,6 @@ class ReadyCalls:
             ar_key=ar.key,
             peer_ip=ar.peer_ip,
             object_uuid=ar.request.initiator_object_uuid,
-            opnum=Opnum.CONTROL,
             payload=emit_blocks(blocks),
             port=ar.initiator_rpc_port,
             block_type=block_type,
