@@ -244,6 +244,36 @@ async def test_a_server_over_tcp_may_come_later_and_go_and_come_back():
     assert len(ear.news) <= 6
 
 
+async def test_a_server_that_hangs_up_at_once_is_tried_with_growing_pauses(monkeypatch):
+    """As ser2net does where its port is in use."""
+    loop, pauses, served = asyncio.get_running_loop(), [], []
+    later = loop.call_later
+
+    def noted(delay, call, *args):
+        if getattr(call, "__self__", None) is line:
+            pauses.append(delay)
+        return later(delay, call, *args)
+
+    async def serve(reader, writer):
+        served.append(writer)
+        if len(served) > 4:
+            await reader.read()
+        writer.close()
+
+    monkeypatch.setattr(loop, "call_later", noted)
+    async with await asyncio.start_server(serve, "127.0.0.1", 0) as server:
+        line = ConnectLine(*server.sockets[0].getsockname())
+        async with opened(line):
+            await reached(lambda: len(served) == 5 and line.is_up)
+            assert pauses == [0.005, 0.01, 0.02, 0.04]
+            # one that lasted is tried again soon
+            line.last_pause = 0.05
+            await asyncio.sleep(line.last_pause)
+            served[-1].close()
+            await reached(lambda: len(pauses) == 5)
+            assert pauses[-1] == 0.005
+
+
 async def test_a_line_that_is_closed_while_it_tries_leaves_nothing_behind():
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]

@@ -77,6 +77,7 @@ class FdLine(ABC):
         self._fd: int | None = None
         self._queue = bytearray()
         self._pause = _FIRST_PAUSE_SECONDS
+        self._attached = 0.0
         self._again: asyncio.TimerHandle | None = None
         #: The last news, so that a way that stays broken is reported once.
         self._told: tuple[bool, str] | None = None
@@ -155,7 +156,7 @@ class FdLine(ABC):
         if self._loop is None:
             raise InternalError(f"this {self.kind} line is not open")
         self._fd = fd
-        self._pause = _FIRST_PAUSE_SECONDS
+        self._attached = self._loop.time()
         self._counters.opened += 1
         self._loop.add_reader(fd, self._readable)
         if isinstance(self._loop, EagerLoop):
@@ -165,6 +166,9 @@ class FdLine(ABC):
     def _detach(self) -> None:
         fd, self._fd = self._fd, None
         if fd is not None and self._loop is not None and not self._loop.is_closed():
+            # a far end that hangs up at once is not tried faster than one that is not there
+            if self._loop.time() - self._attached >= self.last_pause:
+                self._pause = _FIRST_PAUSE_SECONDS
             self._loop.remove_reader(fd)
             self._loop.remove_writer(fd)
             if isinstance(self._loop, EagerLoop):
