@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.profinet.commands.asking import ask_stations
+from pnfarm.buses.profinet.controller.search import duplicate_names
+from pnfarm.buses.search import SearchAnswer
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.dcp.client import DcpClient, IdentifyAnswered
+from pnfarm.protocols.profinet.lldp.agent import LldpPort, LocalPort, LocalSystem
+from pnfarm.terminal.output import print_line, print_table
+from pnfarm.vocabulary.quoting import printable
+from pnfarm.wire.ethernet import ETHERTYPE_LLDP, parse_ethernet
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
-    from pnfarm.buses.search import Question, SearchAnswer
-    from pnfarm.protocols.profinet.dcp.client import IdentifyAnswered
+    from pnfarm.buses.search import Question
     from pnfarm.protocols.profinet.lldp.agent import Neighbour
 
 __all__ = ["search"]
@@ -22,20 +32,57 @@ _MAXIMUM = 4096
 
 async def search(question: Question) -> SearchAnswer:
     """Devices by DCP (name, type, addresses, ids, role), and neighbours at the wire's other end by LLDP."""
-    from pnfarm.buses.profinet.controller.search import duplicate_names
-    from pnfarm.buses.search import SearchAnswer
-    from pnfarm.vocabulary.quoting import printable
+    heard = await ask_stations(question.interface, None, partial(_Search, question))
+    with_lldp = question.neighbour_seconds > 0
+    neighbours = heard.lldp.neighbours if with_lldp else ()
+    found = _join([_answer(event) for event in heard.answers], [_heard(neighbour) for neighbour in neighbours])
+    show = partial(_print, found, question.interface, with_lldp=with_lldp)
+    return SearchAnswer(found, show, tuple(map(printable, duplicate_names(heard.answers))))
 
-    answers, neighbours = await _listen(question.interface, question.seconds, question.neighbour_seconds)
-    found = _join([_answer(event) for event in answers], [_heard(neighbour) for neighbour in neighbours])
-    show = partial(_print, found, question.interface, with_lldp=question.neighbour_seconds > 0)
-    return SearchAnswer(found, show, tuple(map(printable, duplicate_names(answers))))
+
+class _Search:
+    """The answers to one Identify, and the neighbours that send LLDP until the question's time for them is over."""
+
+    def __init__(self, question: Question, mac: bytes) -> None:
+        self.answers: list[IdentifyAnswered] = []
+        self.done = False
+        # it only listens: its to_send is never called
+        self.lldp = LldpPort(LocalSystem(mac), LocalPort(1, mac), maximum=_MAXIMUM)
+        # two scans at once must not take each other's answers
+        self._dcp = DcpClient(mac, first_xid=time.monotonic_ns() & 0x7FFF_FFFF | 1)
+        self._question = question
+        self._due_ns = 0
+
+    def start(self, now: int) -> None:
+        # LLDP cannot be requested: it is sent every 5 s
+        self._due_ns = now + round(self._question.neighbour_seconds * 1e9)
+        self._dcp.identify(now=now, window_ns=round(self._question.seconds * 1e9))
+
+    def receive(self, data: bytes, now: int) -> None:
+        try:
+            frame = parse_ethernet(data)
+            if frame.ethertype == ETHERTYPE_LLDP:
+                self.lldp.receive(frame, now)
+            else:
+                self._dcp.receive(frame, now)
+        except DecodeError:
+            return  # a malformed frame of another station
+
+    def to_send(self, now: int) -> list[bytes]:
+        return self._dcp.to_send(now)
+
+    def next_deadline(self) -> int:
+        return self._dcp.next_deadline() or self._due_ns
+
+    def handle_timeout(self, now: int) -> None:
+        self._dcp.handle_timeout(now)
+        # Hello of devices that start just now is left out: they answer Identify as well
+        events = self._dcp.events()
+        self.answers += [event for event in events if isinstance(event, IdentifyAnswered)]
+        self.done = self._dcp.next_deadline() is None and now >= self._due_ns
 
 
 def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> None:
-    from pnfarm.terminal.output import print_line, print_table
-    from pnfarm.vocabulary.quoting import printable
-
     columns = ("NAME", "TYPE", "MAC", "IP", "VENDOR", "DEVICE", "~ROLE")
     rows = [
         (
@@ -64,75 +111,6 @@ def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> N
         about = [neighbour["mac"], neighbour["ip"], device["type"] or neighbour["system_description"]]
         more = "  ".join(word for word in about if word)
         print_line(printable(f"{branch} {neighbour['station']} {neighbour['port']}  {more}"))
-
-
-async def _listen(
-    interface: str, seconds: float, lldp_seconds: float
-) -> tuple[list[IdentifyAnswered], tuple[Neighbour, ...]]:
-    """The answers to one Identify, and the neighbours that sent LLDP until ``lldp_seconds`` had passed."""
-    import time
-
-    import anyio
-
-    from pnfarm.errors import DecodeError
-    from pnfarm.links.base import PortSpec
-    from pnfarm.links.callbacks import raise_of_callbacks
-    from pnfarm.links.interface import InterfaceLink
-    from pnfarm.protocols.profinet.dcp.client import DcpClient, IdentifyAnswered, IdentifyFinished
-    from pnfarm.protocols.profinet.lldp.agent import LldpPort, LocalPort, LocalSystem
-    from pnfarm.wire.ethernet import ETHERTYPE_LLDP, parse_ethernet
-
-    link = InterfaceLink(interface)
-    answers: list[IdentifyAnswered] = []
-    finished = anyio.Event()
-    began = time.monotonic()
-    try:
-        (port,) = await link.open([PortSpec("scan", bytes(6))])
-        # two scans at once must not take each other's answers
-        client = DcpClient(port.mac, first_xid=time.monotonic_ns() & 0x7FFF_FFFF | 1)
-        # it only listens: its to_send is never called
-        listener = LldpPort(LocalSystem(port.mac), LocalPort(1, port.mac), maximum=_MAXIMUM)
-
-        def take() -> None:
-            for event in client.events():
-                match event:
-                    case IdentifyAnswered():
-                        answers.append(event)
-                    case IdentifyFinished():
-                        finished.set()
-                    case _:
-                        pass  # Hello of devices that start just now: they answer Identify as well
-
-        def receive(_: int, data: bytes, now: int) -> None:
-            try:
-                frame = parse_ethernet(data)
-                if frame.ethertype == ETHERTYPE_LLDP:
-                    listener.receive(frame, now)
-                else:
-                    client.receive(frame, now)
-            except DecodeError:
-                return  # a malformed frame of another station
-            take()
-
-        link.set_receiver(receive)
-        async with raise_of_callbacks():
-            client.identify(now=time.monotonic_ns(), window_ns=round(seconds * 1e9))
-            for frame in client.to_send(time.monotonic_ns()):
-                link.send(port.index, frame)
-            while not finished.is_set():
-                due = client.next_deadline()
-                now = time.monotonic_ns()
-                if due is not None and due > now:
-                    with anyio.move_on_after((due - now) / 1e9):
-                        await finished.wait()
-                client.handle_timeout(time.monotonic_ns())
-                take()
-            # LLDP cannot be requested: it is sent every 5 s
-            await anyio.sleep(max(0.0, lldp_seconds - (time.monotonic() - began)))
-    finally:
-        with anyio.CancelScope(shield=True):
-            await link.close()
-    return answers, listener.neighbours if lldp_seconds else ()
 
 
 def _join(devices: list[dict[str, Any]], heard: list[dict[str, Any]]) -> list[dict[str, Any]]:
