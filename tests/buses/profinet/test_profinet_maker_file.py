@@ -3,6 +3,7 @@
 import pytest
 from drive_object_gsdml import drive_object_gsdml
 
+from pnfarm.farm.views.readiness import Readiness
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.testing import Line
 
@@ -93,6 +94,19 @@ def test_a_record_that_the_file_does_not_allow_is_refused_with_the_parameters_na
         assert records_of(line).write(None, API, 1, subslot, index, data, 0) is None
         assert records_of(line).read(None, API, 1, subslot, index, 100, 0) == data
         assert [one.data["reason"] for one in line.events("record accepted though it is wrong")] == [reason]
+
+
+@pytest.mark.parametrize(("limits", "word"), [("strict", "refused"), ("lax", "taken though they are wrong")])
+def test_a_wrong_record_of_the_start_up_is_named_with_what_the_file_allows(line_of, limits, word):
+    controller = ", records: [{api: 0x3A00, slot: 1, subslot: 1, index: 5, data: 000A}]"
+    with line_of(f", limits: {limits}", controller) as line:
+        line.run(3)
+        seen = Readiness(line.core)
+        seen.update(1000)
+        (station,) = seen.view(line.now_ns)["stations"]
+        texts = {refusal["text"] for visit in station["visits"] for refusal in visit["refusals"]}
+        why = "record 5, Gain of the filter: 10 is written, allowed is 1..9"
+        assert texts == {f"parameters of submodule 1.0x0001 {word}: {why}"}
 
 
 def test_a_power_cycle_brings_the_default_back_and_parameter_access_is_as_before(line_of):
