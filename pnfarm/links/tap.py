@@ -6,7 +6,7 @@ cyclic ones too, is one system call in the event loop. Cyclic frames (0x8892, fr
 own receiver; answers go out by :meth:`TapLink.send` as well. Slower than the other links: for tens of drives,
 not hundreds.
 
-A TAP that is not persistent vanishes with its descriptor, also when the process is killed.
+A TAP vanishes with its descriptor, also when the process is killed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,6 @@ __all__ = ["TapLink", "is_cyclic", "without_priority_tag"]
 # linux/if_tun.h
 _TUN_DEVICE = "/dev/net/tun"
 _TUNSETIFF = 0x400454CA
-_TUNSETPERSIST = 0x400454CB
 _TUNSETCARRIER = 0x400454E2
 _IFF_TAP = 0x0002
 _IFF_NO_PI = 0x1000
@@ -76,17 +75,15 @@ def _is_alarm(frame: bytes) -> bool:
 class TapLink:
     """``link: {kind: tap, bridge: br0}``.
 
-    ``bridge`` names an existing bridge for the kernel's ends; without it they stay free.  ``persistent`` keeps
-    the interfaces over a crash (until ``pnfarm down`` or the next start).  The drive's address is
+    ``bridge`` names an existing bridge for the kernel's ends; without it they stay free.  The drive's address is
     the spec's; the kernel's end has another address.
     """
 
     kind = "tap"
 
-    def __init__(self, farm: str, *, bridge: str | None = None, persistent: bool = False) -> None:
+    def __init__(self, farm: str, *, bridge: str | None = None) -> None:
         self._farm = farm
         self._bridge = bridge
-        self._persistent = persistent
         self._counters = LinkCounters()
         self._receiver: Receiver | None = None
         self._cyclic_receiver: Receiver | None = None
@@ -132,13 +129,10 @@ class TapLink:
                 name = next(names)
                 fd = _open_tap(name, spec.station)
                 try:
-                    # persistent only once it carries its marks: a run killed before leaves nothing
                     index = interfaces.find(name, "tap").index
                     interfaces.mark(self._farm, index, name, spec.station)
                     if self._bridge is not None:
                         interfaces.enslave(index, self._bridge)
-                    if self._persistent:
-                        fcntl.ioctl(fd, _TUNSETPERSIST, 1)
                 except BaseException:
                     os.close(fd)
                     raise

@@ -11,7 +11,6 @@ from waiting import reached
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links import tap as tap_module
 from pnfarm.links.base import BROADCAST, EngineLink, Link, PortSpec
-from pnfarm.links.kernel.interfaces import remove_leftovers
 from pnfarm.links.tap import TapLink, is_cyclic, without_priority_tag
 
 PLC = bytes.fromhex("02cc00000001")
@@ -114,11 +113,10 @@ async def test_the_address_of_a_drive_can_change(tun, raw):
 
 
 @pytest.mark.asyncio
-@pytest.mark.parametrize("persistent", [False, True])
-async def test_taps_are_tagged_silent_in_the_bridge_and_go_with_the_link(tun, ip, persistent):
+async def test_taps_are_tagged_silent_in_the_bridge_and_go_with_the_link(tun, ip):
     ip("link", "add", "br0", "type", "bridge")
     ip("link", "set", "br0", "up")
-    link = TapLink("line-1", bridge="br0", persistent=persistent)
+    link = TapLink("line-1", bridge="br0")
     async with opened(link) as (first, _):
         shown = ip("-d", "link", "show", first.name)
         assert "alias pnfarm:line-1:axis-01" in shown
@@ -128,15 +126,12 @@ async def test_taps_are_tagged_silent_in_the_bridge_and_go_with_the_link(tun, ip
 
 
 @pytest.mark.asyncio
-async def test_persistent_taps_of_a_dead_run_are_removed(tun, ip):
-    link = TapLink("line-1", persistent=True)
-    ports = await link.open(DRIVES)
-    for index, fd in link._fds.items():  # what the kernel does to the descriptors of a killed process
+async def test_the_taps_of_a_dead_run_are_gone(tun, ip):
+    link = TapLink("line-1")
+    await link.open(DRIVES)
+    for fd in link._fds.values():  # what the kernel does to the descriptors of a killed process
         asyncio.get_running_loop().remove_reader(fd)
         os.close(fd)
-        assert index
-    assert ports[0].name in ip("-o", "link")
-    assert await remove_leftovers("line-1") == [port.name for port in ports]
     assert "pf" not in ip("-o", "link")
 
 
