@@ -61,6 +61,17 @@ def test_frames_arrive_in_order_and_only_when_their_time_has_come():
     assert [(data[-1], now) for data, now in b.heard] == [(0, 0), (10, 10), (20, 20)]
 
 
+@pytest.mark.parametrize("speakers", [2, 3, 4])
+def test_nobody_is_understood_where_several_speak_at_once_on_a_line(speakers):
+    switch, heard = MemorySwitch(), []
+    ports = [switch.attach(b"", lambda *told: heard.append(told), line="profibus", baud=500_000) for _ in range(4)]
+    for port in ports[:speakers]:
+        switch.send(port.index, b"\xe5" * port.index, 0)
+    switch.deliver(1_000_000)
+    assert len(heard) == 3 * speakers
+    assert not any(0xE5 in octets for _, octets, _ in heard)
+
+
 def test_question_and_answer_pass_in_one_instant():
     switch = MemorySwitch()
     a = Station(switch, A)
