@@ -54,6 +54,8 @@ class Connection:
         self._spoke_ns = 0
         self._idle_asked = False
         self._idle_ns = 0
+        #: The slave is busy with a request that was given up: the next poll may fetch the answer to it.
+        self._busy = False
 
     def ask(self, request: RecordRequest, now: int) -> None:
         """Queue a request; one too many fails at once."""
@@ -111,9 +113,9 @@ class Connection:
         return self._sap, Sap.MASTER_2, Abort(AbortSubnet.NO, AbortReason.USER).emit()
 
     def _head(self) -> bytes:
-        """The first request, or a poll for its answer."""
+        """The first request, or a poll for its answer, or for that of a request that was given up."""
         head = self._waiting[0]
-        if head.sent:
+        if head.sent or self._busy:
             return b""
         head.sent = True
         return head.octets()
@@ -122,7 +124,9 @@ class Connection:
         """The slave's answer to what :meth:`request` gave; ``failed``: its function where that is no success."""
         if failed is not None:
             self._refused(failed, now)
-        elif data:
+            return
+        busy, self._busy = self._busy, False
+        if data and not (busy and data[0] != Function.ABORT):
             try:
                 self._took(data, now)
             except DecodeError as exc:
@@ -130,8 +134,7 @@ class Connection:
 
     def _refused(self, failed: int, now: int) -> None:
         if failed == Answer.RR and self._waiting and self.state is AccessState.OPEN:
-            # it is busy with another request
-            self._waiting[0].sent = False
+            self._waiting[0].sent, self._busy = False, True
             return
         self.lost(f"the slave answered with {Answer(failed).name}", now)
 
@@ -165,7 +168,7 @@ class Connection:
             self.failed += 1
         if not self.is_class_one:
             self.state = AccessState.CLOSED
-        self._idle_asked = False
+        self._idle_asked = self._busy = False
 
     def _expire(self, now: int) -> None:
         if self._idle_asked and now - self._idle_ns >= self._timeout_ns:

@@ -271,6 +271,24 @@ def test_records_are_written_and_read_back_while_data_are_exchanged(access):
     assert line.slaves[0].class_two.open == ([] if access == "class-1" else [(1, 0)])
 
 
+@pytest.mark.parametrize("access", ["class-1", "class-2"])
+def test_after_a_request_that_got_no_answer_in_time_the_next_ones_get_theirs(access):
+    line = DpLine(1, access=access)
+    line.run(1.0, until=lambda: line.exchanging)
+    line.drives[0].records[0, 47] = b"hello"
+    line.drives[0].ready_ns = line.now + 6_000 * MS
+    late = RecordRequest.read(0, 46, 10)
+    line.master.ask("s0", late, line.now)
+    assert line.run(6.0, until=lambda: late.done)
+    assert late.error == "no answer in time"
+    for wait in (0.0, 2.0):
+        line.run(wait)
+        read = RecordRequest.read(0, 47, 10)
+        line.master.ask("s0", read, line.now)
+        assert line.run(6.0, until=lambda read=read: read.done)
+        assert (read.error, read.data) == ("", b"hello")
+
+
 def test_a_request_beside_an_idle_telegram_is_answered_in_the_same_connection():
     line = DpLine(1, access="class-2")
     line.run(1.0, until=lambda: line.exchanging)
