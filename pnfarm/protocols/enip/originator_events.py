@@ -58,11 +58,10 @@ class RequestAnswered:
 
 @dataclass(frozen=True, slots=True)
 class RequestFailed:
-    """No reply, for a reason in words; ``status`` is the encapsulation's if that refused the request."""
+    """No reply, for a reason in words."""
 
     number: int
     reason: str
-    status: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """An originator and a target, joined in memory."""
 
 import pytest
-from enip_bench import PEER, SECOND, Bench, explicit_request, io_request
+from enip_bench import PEER, SECOND, Bench, io_request
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,8 +13,6 @@ from pnfarm.protocols.enip.originator_events import (
     ConnectionEnded,
     ConnectionMade,
     ConnectionNotMade,
-    RequestAnswered,
-    RequestFailed,
     SendTcp,
     SessionEnded,
     SessionRegistered,
@@ -106,35 +104,6 @@ def test_a_refusal_is_told_with_its_status_and_in_words(pair):
     assert isinstance(event, ConnectionNotMade)
     assert event.reply.extended == (0x0127, 70)
     assert event.reason == "connection failure: o to t size (0x0127)"
-
-
-def test_class_3_requests_go_one_by_one_with_rising_counts(pair):
-    pair.originator.forward_open(explicit_request(), pair.now)
-    (made,) = pair.exchange()
-    numbers = [pair.originator.connected_request(made.reply.o_to_t_id, READ, pair.now) for _ in range(5)]
-    assert len(pair.originator.take_outputs()) == 1
-    # the first one was lost on the way: it fails, the others follow
-    assert pair.exchange() == []
-    events = pair.later(5.1)
-    assert isinstance(events[0], RequestFailed)
-    assert [event.number for event in events] == numbers
-    assert all(isinstance(event, RequestAnswered) for event in events[1:])
-    connection = next(iter(pair.bench.drive.manager.connections.values()))
-    assert connection.last_count == 5
-
-
-def test_class_3_requests_without_their_connection_fail(pair):
-    pair.originator.connected_request(99, READ, pair.now)
-    assert isinstance(pair.exchange()[0], RequestFailed)
-    pair.originator.forward_open(explicit_request(), pair.now)
-    (made,) = pair.exchange()
-    pair.deaf = True
-    pair.originator.connected_request(made.reply.o_to_t_id, READ, pair.now)
-    pair.originator.connected_request(made.reply.o_to_t_id, READ, pair.now)
-    pair.exchange()
-    pair.bench.drive.end(pair.now)
-    events = pair.exchange()
-    assert [type(event) for event in events] == [RequestFailed, RequestFailed, SessionEnded]
 
 
 def test_a_silent_target_fails_requests_and_the_registration():

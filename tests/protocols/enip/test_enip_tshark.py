@@ -14,6 +14,7 @@ from pnfarm.protocols.enip.originator import Originator
 from pnfarm.protocols.enip.originator_events import ConnectionMade, SendTcp
 from pnfarm.protocols.enip.wire import message
 from pnfarm.protocols.enip.wire.class1 import Class1Pdu, emit_class1
+from pnfarm.protocols.enip.wire.cpf import CommonPacket, ConnectedAddress, ConnectedData
 from pnfarm.protocols.enip.wire.encapsulation import ENIP_PORT, Command, EncapsulationPdu, emit_encapsulation
 from pnfarm.protocols.enip.wire.epath import ElectronicKey, logical_path
 from pnfarm.wire.ethernet import EthernetFrame, emit_ethernet
@@ -137,8 +138,12 @@ def capture(tmp_path_factory):
         for one, destination in ((owner, owner.items[1].address), (inputs, IPv4Address(PEER[0]))):
             octets = emit_class1(Class1Pdu(one.reply.t_to_o_id, count, count, bytes(range(64))))
             tape.udp(1, octets, (2222, 2222), destination)
-    for request in reads:
-        originator.connected_request(explicit.reply.o_to_t_id, request, bench.now)
+    for count, request in enumerate(reads, 1):
+        data = count.to_bytes(2, "little") + request.emit()
+        packet = CommonPacket((ConnectedAddress(explicit.reply.o_to_t_id), ConnectedData(data)))
+        octets = emit_encapsulation(EncapsulationPdu(Command.SEND_UNIT_DATA, packet.emit(), originator.session))
+        tape.tcp(0, octets)
+        bench.drive.received(1, octets, bench.now)
         exchange()
     for request in (*opens[1:], opens[0]):
         originator.forward_close(request.triad, request.path, bench.now)
