@@ -305,7 +305,7 @@ def test_a_master_that_is_refused_again_and_again_has_one_start_up_with_its_atte
     (axis,) = line.farm.axes
     record = line.farm.controllers.of("axis-01")
     axis.device.slave.refuse_configuration = True
-    axis.device.slave.leave(line.world.now)
+    axis.device.slave.leave()
     line.run(30.0)
     assert record.start_ups[-1].attempts > 50
     assert len(record.start_ups) == 2
@@ -316,6 +316,6 @@ def test_a_master_that_is_refused_again_and_again_has_one_start_up_with_its_atte
     assert record.start_ups[-1].complete
     assert len(record.start_ups) == 2
     # another loss begins another one
-    axis.device.slave.leave(line.world.now)
+    axis.device.slave.leave()
     line.run(3.0)
     assert [start.complete for start in record.start_ups] == [True] * 3

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profibus.wire.dp import Diagnosis
 from pnfarm.protocols.profibus.wire.telegram import FCB, REQUEST, Request, Sap, Telegram, Token, emit_telegram
-from pnfarm.protocols.profibus.wire.timing import SYN_BITS, bits_ns, line_ns, slot_bits
+from pnfarm.protocols.profibus.wire.timing import SYN_BITS, answered_within_ns, bits_ns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -23,7 +23,6 @@ __all__ = ["LineSearch"]
 
 #: Addresses that slaves have; 126 is a new one's.
 ADDRESSES: Final = range(127)
-_LONGEST: Final = 255
 
 
 class LineSearch:
@@ -88,8 +87,7 @@ class LineSearch:
 
     def sent(self, octets: int, now: int) -> None:
         """What :meth:`to_send` gave leaves now."""
-        slot = bits_ns(slot_bits(self._baud), self._baud)
-        self._due_ns = now + line_ns(octets + _LONGEST, self._baud) + slot + self._latency_ns
+        self._due_ns = now + answered_within_ns(octets, self._baud) + self._latency_ns
 
     def receive(self, telegram: Line, now: int) -> None:
         """A telegram of the line."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profibus.master_access import Connection
+from pnfarm.protocols.profibus.master_access import Connection, failure
 from pnfarm.protocols.profibus.master_slaves import (
     ConnectionMade,
     ConnectionMissed,
@@ -40,7 +40,7 @@ from pnfarm.protocols.profibus.wire.telegram import (
     Telegram,
     emit_telegram,
 )
-from pnfarm.protocols.profibus.wire.timing import SYN_BITS, bits_ns, line_ns, slot_bits
+from pnfarm.protocols.profibus.wire.timing import SYN_BITS, answered_within_ns, bits_ns, line_ns
 
 if TYPE_CHECKING:
     from pnfarm.protocols.profibus.master_slaves import MasterEvent, SlavePlan
@@ -156,9 +156,8 @@ class Master:
         if not groups:
             self.clear = bool(command & Control.CLEAR_DATA)
 
-    def release(self, now: int) -> None:
+    def release(self) -> None:
         """Release every slave: Set_Prm with Unlock_Req."""
-        del now
         self._released = True
         for station in self.stations:
             if station.state in {SlaveState.WAITING, SlaveState.DIAGNOSIS}:
@@ -182,7 +181,7 @@ class Master:
     def _due(self) -> int | None:
         if self._queue or self._control is not None or (self._again and self._silent is None):
             return self._free_ns
-        if all(one.state is SlaveState.STOPPED for one in self.stations):
+        if self.all_stopped:
             return None
         if not self._acyclic_done and any(one.connection.busy for one in self.stations):
             return self._free_ns
@@ -220,10 +219,7 @@ class Master:
             self._pending = None
             self._free_ns = pending.sent_ns + bits_ns(SYN_BITS, settings.baud)
             return
-        longest = line_ns(255, settings.baud)
-        pending.due_ns = (
-            pending.sent_ns + bits_ns(slot_bits(settings.baud), settings.baud) + longest + settings.latency_ns
-        )
+        pending.due_ns = now + answered_within_ns(len(pending.octets), settings.baud) + settings.latency_ns
 
     def receive(self, telegram: Line, now: int) -> None:
         """A telegram of the line; what answers nothing is counted."""
@@ -315,7 +311,7 @@ class Master:
         for step in range(count):
             station = self.stations[(self._next_acyclic + step) % count]
             if station.state in {SlaveState.WAITING, SlaveState.STOPPED}:
-                station.connection.lost(station.reason or "the slave does not answer", now)
+                station.connection.lost(station.reason or "the slave does not answer")
                 continue
             if station.connection.is_class_one and station.state is not SlaveState.DATA:
                 continue
@@ -408,29 +404,26 @@ class Master:
         self.counts["unanswered"] += 1
         station.valid_fcb = False
         if pending.acyclic and station.state is SlaveState.DATA:
-            station.connection.lost("the slave does not answer", now)
+            station.connection.lost("the slave does not answer")
             return
         self._lose(station, "no answer", now)
 
     def _answered(self, station: Station, pending: _Pending, telegram: Line, now: int) -> None:
         if pending.acyclic:
-            data = telegram.data if isinstance(telegram, Telegram) else b""
-            failed = telegram.code if isinstance(telegram, Telegram) and telegram.code in _FAILED else None
-            station.connection.answered(data, failed, now)
+            station.connection.answered(telegram)
             return
         if pending.releases or station.state is SlaveState.STOPPED:
             # what was on its way when the release began goes on: the slave is to be released yet
             station.state = SlaveState.STOPPED
             return
-        failed = isinstance(telegram, Telegram) and telegram.code in _FAILED
+        failed = failure(telegram)
         if pending.telegram.dsap == Sap.SLAVE_DIAGNOSIS:
             self._diagnosed(station, telegram, now)
-        elif failed and station.state is SlaveState.CONFIGURATION:
+        elif failed is not None and station.state is SlaveState.CONFIGURATION:
             # it took no parameters: the diagnosis says why
             station.state, station.diagnoses = SlaveState.CHECK, 0
-        elif failed:
-            assert isinstance(telegram, Telegram)
-            self._lose(station, f"answered with {Answer(telegram.code).name}", now)
+        elif failed is not None:
+            self._lose(station, f"answered with {failed.name}", now)
         elif station.state is SlaveState.PARAMETERS:
             station.state = SlaveState.CONFIGURATION
         elif station.state is SlaveState.CONFIGURATION:
@@ -508,14 +501,13 @@ class Master:
         station.inputs = b""
         station.wants_diagnosis = False
         station.valid_fcb = False
-        station.connection.lost(why, now)
+        station.connection.lost(why)
         pause = station.plan.reconnect_ns
         stays_lost = pause is None and station.connects
         station.state = SlaveState.STOPPED if self._released or stays_lost else SlaveState.WAITING
         station.due_ns = now + (RETRY_NS if pause is None else pause)
 
 
-_FAILED: Final = frozenset({Answer.UE, Answer.RR, Answer.RS, Answer.NR})
 _REFUSALS: Final = {
     StationStatus.PRM_FAULT: "wrong parameters (Prm_Fault)",
     StationStatus.CFG_FAULT: "wrong configuration (Cfg_Fault)",

@@ -17,18 +17,27 @@ from pnfarm.protocols.profibus.wire.dpv1 import (
     InitiateAnswer,
     ResourceManager,
 )
-from pnfarm.protocols.profibus.wire.telegram import Answer, Sap
+from pnfarm.protocols.profibus.wire.telegram import Answer, Sap, Telegram
 
 if TYPE_CHECKING:
     from pnfarm.protocols.profibus.record_request import RecordRequest
+    from pnfarm.protocols.profibus.wire.telegram import Line
 
-__all__ = ["Access", "AccessState", "Connection"]
+__all__ = ["Access", "AccessState", "Connection", "failure"]
 
 #: Access points of slave and master, and data.
 Access = tuple[int, int, bytes]
 #: Requests that wait for one slave at most.
 MOST_WAITING: Final = 64
 SEND_TIMEOUT_NS: Final = 1_000_000_000
+
+
+_FAILED: Final = frozenset({Answer.UE, Answer.RR, Answer.RS, Answer.NR})
+
+
+def failure(telegram: Line) -> Answer | None:
+    """The function of an answer that is no success."""
+    return Answer(telegram.code) if isinstance(telegram, Telegram) and telegram.code in _FAILED else None
 
 
 class AccessState(StrEnum):
@@ -120,27 +129,28 @@ class Connection:
         head.sent = True
         return head.octets()
 
-    def answered(self, data: bytes, failed: int | None, now: int) -> None:
-        """The slave's answer to what :meth:`request` gave; ``failed``: its function where that is no success."""
-        if failed is not None:
-            self._refused(failed, now)
+    def answered(self, telegram: Line) -> None:
+        """The slave's answer to what :meth:`request` gave."""
+        if (failed := failure(telegram)) is not None:
+            self._refused(failed)
             return
+        data = telegram.data if isinstance(telegram, Telegram) else b""
         busy, self._busy = self._busy, False
         if data and not (busy and data[0] != Function.ABORT):
             try:
-                self._took(data, now)
+                self._took(data)
             except DecodeError as exc:
-                self.lost(f"an answer that cannot be read: {exc}", now)
+                self.lost(f"an answer that cannot be read: {exc}")
 
-    def _refused(self, failed: int, now: int) -> None:
+    def _refused(self, failed: Answer) -> None:
         if failed == Answer.RR and self._waiting and self.state is AccessState.OPEN:
             self._waiting[0].sent, self._busy = False, True
             return
-        self.lost(f"the slave answered with {Answer(failed).name}", now)
+        self.lost(f"the slave answered with {failed.name}")
 
-    def _took(self, data: bytes, now: int) -> None:
+    def _took(self, data: bytes) -> None:
         if data[0] == Function.ABORT:
-            self.lost(f"the slave ended the connection: {data[1:3].hex(' ')}", now)
+            self.lost(f"the slave ended the connection: {data[1:3].hex(' ')}")
         elif self.state is AccessState.INITIATING:
             found = ResourceManager.parse(data)
             self._sap = found.sap
@@ -148,7 +158,7 @@ class Connection:
             self.state = AccessState.OPENING
         elif self.state is AccessState.OPENING:
             if data[0] == Function.INITIATE | NEGATIVE:
-                self.lost("the slave refuses the connection", now)
+                self.lost("the slave refuses the connection")
                 return
             InitiateAnswer.parse(data)
             self.state = AccessState.OPEN
@@ -160,9 +170,8 @@ class Connection:
             self.answered_requests += 1
             self.failed += not request.ok
 
-    def lost(self, why: str, now: int) -> None:
+    def lost(self, why: str) -> None:
         """The connection is gone; what waits fails."""
-        del now
         while self._waiting:
             self._waiting.popleft().fail(why)
             self.failed += 1
@@ -172,11 +181,11 @@ class Connection:
 
     def _expire(self, now: int) -> None:
         if self._idle_asked and now - self._idle_ns >= self._timeout_ns:
-            self.lost("no answer to an Idle in time", now)
+            self.lost("no answer to an Idle in time")
         while self._waiting and self._waiting[0].due_ns <= now:
             request = self._waiting.popleft()
             request.fail("no answer in time")
             self.failed += 1
             if request.sent:
                 # its answer would be taken for the next one's
-                self.lost("no answer in time", now)
+                self.lost("no answer in time")

@@ -8,30 +8,26 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profibus.master_access import Connection
 from pnfarm.protocols.profibus.wire.telegram import (
     FCB,
     FCV,
     REQUEST,
-    Answer,
     Request,
     ShortAck,
     Telegram,
     Token,
     emit_telegram,
 )
-from pnfarm.protocols.profibus.wire.timing import SYN_BITS, bits_ns, line_ns, slot_bits
+from pnfarm.protocols.profibus.wire.timing import SYN_BITS, answered_within_ns, bits_ns
 
 if TYPE_CHECKING:
     from pnfarm.protocols.profibus.record_request import RecordRequest
     from pnfarm.protocols.profibus.wire.telegram import Line
 
 __all__ = ["RecordsMaster", "RecordsSettings"]
-
-_FAILED: Final = frozenset({Answer.UE, Answer.RR, Answer.RS, Answer.NR})
-_LONGEST: Final = 255
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +111,7 @@ class RecordsMaster:
         if pending is not None:
             if now < pending.due_ns:
                 return
-            self._missed(pending, now)
+            self._missed(pending)
         if self.failure or self._pending is not None or self._ready is not None or now < self._free_ns:
             return
         chosen = self.connection.end() if self._ending else self.connection.request(now)
@@ -144,10 +140,7 @@ class RecordsMaster:
         pending, settings = self._pending, self.settings
         if pending is not None:
             self.counts["requests"] += 1
-            pending.due_ns = (
-                now + line_ns(len(pending.octets) + _LONGEST, settings.baud)
-                + bits_ns(slot_bits(settings.baud), settings.baud) + settings.latency_ns
-            )  # fmt: skip
+            pending.due_ns = now + answered_within_ns(len(pending.octets), settings.baud) + settings.latency_ns
 
     def receive(self, telegram: Line, now: int) -> None:
         """A telegram of the line."""
@@ -156,7 +149,7 @@ class RecordsMaster:
             # an adapter may hear what this master says itself
             mine = telegram.source == settings.address and isinstance(telegram, Telegram) and self._pending is not None
             if not mine:
-                self._fail(f"master {telegram.source} is active on this line", now)
+                self._fail(f"master {telegram.source} is active on this line")
             return
         if self._pending is None:
             self.counts["unasked"] += 1
@@ -169,28 +162,26 @@ class RecordsMaster:
             return
         self._pending = None
         self.counts["answers"] += 1
-        data = telegram.data if isinstance(telegram, Telegram) else b""
-        failed = telegram.code if isinstance(telegram, Telegram) and telegram.code in _FAILED else None
         self._free_ns = now + bits_ns(SYN_BITS, settings.baud)
         if isinstance(telegram, ShortAck):
             # a slave that has nothing to report yet is not asked again at once
             self._free_ns = max(self._free_ns, now + settings.pause_ns)
         if not self._ending:
-            self.connection.answered(data, failed, now)
+            self.connection.answered(telegram)
         self.handle_timeout(now)
 
-    def _missed(self, pending: _Pending, now: int) -> None:
+    def _missed(self, pending: _Pending) -> None:
         self._pending = None
         if self._ending:
             return
         if pending.left <= 0:
-            self._fail(f"station {self.settings.slave} does not answer", now)
+            self._fail(f"station {self.settings.slave} does not answer")
             return
         pending.left -= 1
         self.counts["retries"] += 1
         self._ready = pending
 
-    def _fail(self, why: str, now: int) -> None:
+    def _fail(self, why: str) -> None:
         self.failure = why
         self._pending = self._ready = None
-        self.connection.lost(why, now)
+        self.connection.lost(why)

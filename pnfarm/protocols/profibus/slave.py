@@ -243,10 +243,6 @@ class Slave:
         self.changed()
         self._pending_diagnosis = True
 
-    def leave(self, now: int, why: str = LEFT) -> None:
-        """Wait for parameters again, as after power-on."""
-        self._leave(why, now)
-
     def heard(self, now: int) -> None:
         """A good telegram for another station was on the line then."""
         self._heard_ns = max(self._heard_ns, now)
@@ -274,7 +270,7 @@ class Slave:
         """Watchdog, baud rate, connections of class 2."""
         cyclic = self._cyclic
         if cyclic.watchdog_ns and cyclic.master != NO_MASTER and now - cyclic.heard_ns >= cyclic.watchdog_ns:
-            self._leave(WATCHDOG, now)
+            self.leave(WATCHDOG)
         if self.found and self.options.silence_ns and now - self._heard_ns >= self.options.silence_ns:
             self.search()
         self.class_two.handle_timeout(now)
@@ -381,7 +377,7 @@ class Slave:
             case Sap.SET_PARAMETERS, Sap.MASTER:
                 return self._set_parameters(telegram, now)
             case Sap.CHECK_CONFIGURATION, Sap.MASTER:
-                return self._check_configuration(telegram, now)
+                return self._check_configuration(telegram)
             case Sap.GET_CONFIGURATION, Sap.MASTER:
                 return self._data(telegram, self.user.configuration())
             case Sap.READ_INPUTS, Sap.MASTER if self.state is DpState.DATA_EXCH:
@@ -443,7 +439,7 @@ class Slave:
             and (not self.options.v1 or bool(parameters.v1[0] & V1Status1.FAIL_SAFE))
         )
         if len(data) != wanted and not fail_safe:
-            self._leave(BAD_LENGTH, now)
+            self.leave(BAD_LENGTH)
             return self._short(telegram, Answer.RS)
         if not cyclic.exchanged:
             cyclic.exchanged = True
@@ -506,7 +502,7 @@ class Slave:
             return ShortAck()
         if parameters.status & PrmStatus.UNLOCK_REQ:
             if cyclic.master != NO_MASTER:
-                self._leave(UNLOCKED, now)
+                self.leave(UNLOCKED)
             return ShortAck()
         if not parameters.status & PrmStatus.LOCK_REQ:
             # only the time of the answer changes (8.3.3, table of Lock_Req and Unlock_Req)
@@ -514,13 +510,13 @@ class Slave:
             return ShortAck()
         wrong = self._parameters_wrong(parameters)
         if wrong is not None:
-            self._leave(PARAMETERS_WRONG, now, sign=_Sign.NO_PARAMETERS)
+            self.leave(PARAMETERS_WRONG, sign=_Sign.NO_PARAMETERS)
             self.faults.parameters = True
             self.refusals += 1
             self._events.append(ParametersRefused(telegram.source, wrong, parameters.ident))
             return ShortAck()
         if self.state is DpState.DATA_EXCH:
-            self._leave(PARAMETERS_AGAIN, now)
+            self.leave(PARAMETERS_AGAIN)
         self.faults = _Faults()
         self._set_min_tsdr(parameters)
         watchdog_ns = parameters.watchdog_ns(v1=self.options.v1)
@@ -549,13 +545,13 @@ class Slave:
         if parameters.min_tsdr:
             self._min_tsdr_bits = max(LEAST_TSDR_BITS, parameters.min_tsdr)
 
-    def _check_configuration(self, telegram: Telegram, now: int) -> Line:
+    def _check_configuration(self, telegram: Telegram) -> Line:
         if self.state is DpState.WAIT_PRM or telegram.source != self._cyclic.master:
             self.dropped[_NOT_HERE] += 1
             return self._short(telegram, Answer.RS)
         before = self.user.configuration()
         if self.refuse_configuration or not self.user.check_configuration(telegram.data):
-            self._leave(CONFIGURED_WRONG, now, sign=_Sign.NO_CONFIGURATION)
+            self.leave(CONFIGURED_WRONG, sign=_Sign.NO_CONFIGURATION)
             self.faults.configuration = True
             self.refusals += 1
             self._events.append(ConfigurationRefused(telegram.source, telegram.data))
@@ -638,8 +634,8 @@ class Slave:
             raise InternalError(f"a slave in {self.state.name} got {sign.name}")
         self.state = following
 
-    def _leave(self, why: str, now: int, *, sign: _Sign = _Sign.LEAVE) -> None:
-        del now
+    def leave(self, why: str = LEFT, *, sign: _Sign = _Sign.LEAVE) -> None:
+        """Wait for parameters again, as after power-on."""
         self.changed()
         cyclic, before = self._cyclic, self.state
         self._go(sign)

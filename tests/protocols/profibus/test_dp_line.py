@@ -335,7 +335,7 @@ def test_a_connection_of_a_lost_master_ends_by_time():
 def test_released_slaves_wait_for_parameters():
     line = DpLine(3)
     line.run(1.0, until=lambda: line.exchanging)
-    line.master.release(line.now)
+    line.master.release()
     assert line.run(0.5, until=lambda: line.master.all_stopped)
     assert {slave.state for slave in line.slaves} == {DpState.WAIT_PRM}
     left = [event for event in line.slaves[0].take_events() if isinstance(event, Left)]
@@ -353,7 +353,7 @@ def test_a_slave_whose_answer_was_under_way_when_the_release_began_is_released_a
         telegram = parse_telegram(octets)
         if who == "master" and telegram.destination == 3 and telegram.dsap == sap and not released:
             released.append(telegram)
-            line.master.release(line.now)
+            line.master.release()
         return octets
 
     line.lose = release
@@ -408,6 +408,6 @@ def test_slaves_whose_requests_wait_to_be_repeated_are_released_as_well():
     line.run(1.0, until=lambda: line.exchanging)
     _silent(line, {3, 4})
     assert line.run(1.0, until=lambda: line.master._again)
-    line.master.release(line.now)
+    line.master.release()
     assert line.run(2.0, until=lambda: line.master.all_stopped)
     assert line.master.next_deadline() is None

@@ -166,7 +166,9 @@ def test_times_of_the_line_follow_its_rate():
     assert timing.line_ns(1, 1_500_000) == 7333
     assert timing.longest_tsdr_bits(1_500_000) == 150
     assert timing.longest_tsdr_bits(45_450) == 250
-    assert timing.slot_bits(12_000_000) == 1000
+    assert timing.answered_within_ns(20, 12_000_000) == timing.line_ns(275, 12_000_000) + timing.bits_ns(
+        1000, 12_000_000
+    )
     assert checksum(b"\xff\x02") == 1
 
 

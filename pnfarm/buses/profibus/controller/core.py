@@ -153,7 +153,7 @@ class ProfibusCore(DriveCore):
 
     def release(self, now: int) -> None:
         """Release every slave."""
-        self.master.release(now)
+        self.master.release()
         self._go_on(now)
 
     @property

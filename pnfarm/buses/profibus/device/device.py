@@ -141,11 +141,12 @@ class ProfibusDevice:
 
     def stop(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`: the slave is silent at once."""
+        del now
         self.catch_up_polls()
         self._not_as_before()
         self._answers.clear()
         if self.slave.state is not DpState.WAIT_PRM:
-            self.slave.leave(now)
+            self.slave.leave()
             self.slave.take_events()
         self.slave.class_two.close_all()
         self._ended(LOST_CLOSED)
@@ -154,7 +155,7 @@ class ProfibusDevice:
         """See :class:`pnfarm.station.device.Device`: a slave has no word for it; its master sees it fall silent."""
         self.catch_up_polls()
         if self.slave.state is not DpState.WAIT_PRM:
-            self.slave.leave(now, UNLOCKED)
+            self.slave.leave(UNLOCKED)
         self._settle(now)
 
     # -- frames and time ---------------------------------------------------------------------------------------------

@@ -54,7 +54,7 @@ class SlaveConnection(ConnectionPart):
     def _leave(self, why: str, now: int) -> int:
         if self._device.slave.state is DpState.WAIT_PRM:
             return 0
-        self._device.slave.leave(now, why)
+        self._device.slave.leave(why)
         self._settle(now)
         return 1
 

@@ -39,7 +39,8 @@ class SlavePart(DrivePart):
         }
 
     def rebooted(self, now: int) -> None:
-        self._apply(now)
+        del now
+        self._apply()
 
     def in_force(self) -> list[Any]:
         return [one for values in self._in_force.values() for one in values]
@@ -47,27 +48,27 @@ class SlavePart(DrivePart):
     def put(self, what: str, value: Any, now: int) -> None:
         """``what``: ``ident`` (a number), ``configuration`` (refused), ``diagnosis`` (octets), ``static``, ``deaf``."""
         self._in_force[what].append(value)
-        self._apply(now)
+        self._apply()
         self._settle(now)
 
     def take_back(self, what: str, value: Any, now: int) -> None:
         """Undo one :meth:`put`."""
         self._in_force[what].remove(value)
-        self._apply(now)
+        self._apply()
         self._settle(now)
 
-    def _apply(self, now: int) -> None:
+    def _apply(self) -> None:
         device, known = self._device, self._in_force
         slave, user = device.slave, device.user
         ident = known["ident"][-1] if known["ident"] else self._ident
         if slave.options.ident != ident:
             slave.options.ident = ident
             # a slave cannot change its number in data exchange: it starts again
-            slave.leave(now)
+            slave.leave()
         slave.refuse_configuration = bool(known["configuration"])
         # also before the first Data_Exchange: no Chk_Cfg would come that could be refused
         if known["configuration"] and slave.state is DpState.DATA_EXCH:
-            slave.leave(now)
+            slave.leave()
         diagnosis = join_diagnoses(known["diagnosis"], user.most_further)
         static = bool(known["static"])
         if (user.further_diagnosis, user.static_diagnosis) != (diagnosis, static):

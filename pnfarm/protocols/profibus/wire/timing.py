@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
+from pnfarm.protocols.profibus.wire.telegram import LONGEST_TELEGRAM
+
 __all__ = [
-    "BAUD_RATES", "BITS_OF_OCTET", "LEAST_TSDR_BITS", "SYN_BITS", "bits_ns", "line_ns", "longest_tsdr_bits",
-    "slot_bits",
+    "BAUD_RATES", "BITS_OF_OCTET", "LEAST_TSDR_BITS", "SYN_BITS", "answered_within_ns", "bits_ns", "line_ns",
+    "longest_tsdr_bits",
 ]  # fmt: skip
 
 #: Start bit, eight of data, even parity, stop bit.
@@ -37,11 +39,6 @@ def longest_tsdr_bits(baud: int) -> int:
     return _times(baud)[0]
 
 
-def slot_bits(baud: int) -> int:
-    """How long a master usually waits for the first octet of an answer."""
-    return _times(baud)[1]
-
-
 def _times(baud: int) -> tuple[int, int]:
     return _TIMES[max((rate for rate in _TIMES if rate <= baud), default=BAUD_RATES[0])]
 
@@ -54,3 +51,8 @@ def bits_ns(bits: int, baud: int) -> int:
 def line_ns(octets: int, baud: int) -> int:
     """How long so many octets are on the line, ns."""
     return bits_ns(octets * BITS_OF_OCTET, baud)
+
+
+def answered_within_ns(octets: int, baud: int) -> int:
+    """From the begin of a request of so many octets to the end of its answer: the longest one, after the slot time."""
+    return line_ns(octets + LONGEST_TELEGRAM, baud) + bits_ns(_times(baud)[1], baud)
