@@ -427,6 +427,26 @@ def test_a_packet_whose_data_item_was_corrupted_on_its_way_in_is_not_taken():
     assert changed > 5
 
 
+def test_a_corrupted_length_takes_no_other_octets_into_the_checksum_of_a_frame_that_is_changed_afterwards():
+    sent: list[list[bytes]] = []
+    for others in (0x00, 0x5A):
+        line = Line()
+        line.run(0.05)
+        columns, size = line.drive, int(line.drive.ppm[0].length)
+        columns.frames[:, size:] = columns.frames[1:] = others
+        table = ImpairmentTable(columns)
+        table.add(0, "out", CORRUPT, settings={"amount": 1})
+        table.add(0, "out", FRAME_ID, settings={"amount": 1})
+        table.channel_opened(0, "out", 0)
+        frames = []
+        for cycle in range(1, 2000):
+            count = tick(columns, 0, line.now + cycle * RPI)
+            frames += [columns.frames[row, :size].tobytes() for row in columns.tx_row[:count]]
+        sent.append(frames)
+    assert len({frame[38:40] for frame in sent[0]}) > 8, "lengths were corrupted"
+    assert sent[0] == sent[1]
+
+
 def test_frozen_sequences_expire_the_receiver_with_checksums_that_hold():
     line = Line()
     line.run(0.1)

@@ -259,13 +259,14 @@ def take(consumer: Any, frame: Any, length: int, data: int) -> None:
 
 
 @compiled
-def _finish(frame: Any, udp: int) -> None:
-    """Both checksums."""
-    _put_big(frame, HEADER + 10, 0)
-    _put_big(frame, HEADER + 10, 0xFFFF ^ _folded(_sum(frame, HEADER, udp)))
+def _finish(frame: Any, start: int, udp: int, length: int) -> None:
+    """Both checksums.  A datagram whose length a fault has changed ends with the frame at the latest."""
+    _put_big(frame, start + 10, 0)
+    _put_big(frame, start + 10, 0xFFFF ^ _folded(_sum(frame, start, udp)))
     size = _big(frame, udp + 4)
     _put_big(frame, udp + 6, 0)
-    total = _sum(frame, HEADER + 12, HEADER + 20) + PROTOCOL_UDP + size + _sum(frame, udp, udp + size)
+    end = min(udp + size, length)
+    total = _sum(frame, start + 12, start + 20) + PROTOCOL_UDP + size + _sum(frame, udp, end)
     checksum = 0xFFFF ^ _folded(total)
     # zero on the wire means: no checksum
     _put_big(frame, udp + 6, checksum or 0xFFFF)
@@ -296,7 +297,7 @@ def seal(provider: Any, frame: Any) -> None:
     if provider.run_idle:
         frame[data - RUN_IDLE] = 1 if int(provider.data_status) & STATUS_RUN else 0
     _put_big(frame, HEADER + 4, (_big(frame, HEADER + 4) + 1) & 0xFFFF)
-    _finish(frame, _datagram(provider))
+    _finish(frame, HEADER, _datagram(provider), signed(provider.length))
 
 
 # changes of a complete frame
@@ -312,7 +313,7 @@ def count_of(provider: Any, frame: Any, which: int) -> int:
 
 
 @inlined
-def change_count(provider: Any, frame: Any, count: int, which: int) -> None:
+def change_count(provider: Any, frame: Any, length: int, count: int, which: int) -> None:
     """Write the sequence number or the sequence count; for both, the number, and move the count by as much."""
     item = _item(provider, signed(provider.data_offset))
     if which == SEQUENCE_COUNT:
@@ -322,24 +323,24 @@ def change_count(provider: Any, frame: Any, count: int, which: int) -> None:
         _put_little32(frame, item - ITEM - 4, count & 0xFFFFFFFF)
         if which != SEQUENCE_NUMBER:
             _put_little(frame, item, (_little(frame, item) + moved) & 0xFFFF)
-    _finish(frame, _datagram(provider))
+    _finish(frame, HEADER, _datagram(provider), length)
 
 
 @inlined
-def change_status(provider: Any, frame: Any, bit: int) -> None:
+def change_status(provider: Any, frame: Any, length: int, bit: int) -> None:
     """Clear the bit of RUN in the run/idle header, if there is one; there is no other."""
     if provider.run_idle and bit == STATUS_RUN:
         frame[signed(provider.data_offset) - RUN_IDLE] &= 0xFE
-        _finish(frame, _datagram(provider))
+        _finish(frame, HEADER, _datagram(provider), length)
 
 
 @inlined
-def change_id(provider: Any, frame: Any, amount: int, absolute: bool) -> None:
+def change_id(provider: Any, frame: Any, length: int, amount: int, absolute: bool) -> None:
     """Add to the connection id, or write it."""
     place = _item(provider, signed(provider.data_offset)) - ITEM - ADDRESS_LENGTH
     wanted = amount if absolute else _little32(frame, place) + amount
     _put_little32(frame, place, wanted & 0xFFFFFFFF)
-    _finish(frame, _datagram(provider))
+    _finish(frame, HEADER, _datagram(provider), length)
 
 
 @inlined
@@ -353,7 +354,7 @@ def resize(provider: Any, frame: Any, length: int, amount: int) -> int:
     _put_little(frame, item - 2, end - item)
     _put_big(frame, udp + 4, end - udp)
     _put_big(frame, HEADER + 2, end - HEADER)
-    _finish(frame, udp)
+    _finish(frame, HEADER, udp, end)
     return int(end)
 
 
@@ -364,12 +365,9 @@ def mend(frame: Any, length: int) -> None:
     udp = start + (signed(frame[start]) & 0x0F) * 4
     if _big(frame, start - 2) != ETHERTYPE_IPV4 or udp < start + IPV4 or udp + UDP > length:
         return
+    size = _big(frame, udp + 4)
+    if frame[start + 9] == PROTOCOL_UDP and _big(frame, udp + 6) != 0 and size >= UDP and udp + size <= length:
+        _finish(frame, start, udp, length)
+        return
     _put_big(frame, start + 10, 0)
     _put_big(frame, start + 10, 0xFFFF ^ _folded(_sum(frame, start, udp)))
-    size = _big(frame, udp + 4)
-    if frame[start + 9] != PROTOCOL_UDP or _big(frame, udp + 6) == 0 or size < UDP or udp + size > length:
-        return
-    _put_big(frame, udp + 6, 0)
-    total = _sum(frame, start + 12, start + 20) + PROTOCOL_UDP + size + _sum(frame, udp, udp + size)
-    checksum = 0xFFFF ^ _folded(total)
-    _put_big(frame, udp + 6, checksum or 0xFFFF)

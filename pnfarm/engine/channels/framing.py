@@ -85,7 +85,7 @@ def change_count(provider: Any, frame: Any, length: int, count: int, which: int)
     if provider.framing == FRAMING_RTC:
         rtc.change_count(frame, length, count)
     elif provider.framing == FRAMING_CLASS1:
-        class1.change_count(provider, frame, count, which)
+        class1.change_count(provider, frame, length, count, which)
 
 
 @inlined
@@ -94,16 +94,16 @@ def change_status(provider: Any, frame: Any, length: int, bit: int) -> None:
     if provider.framing == FRAMING_RTC:
         rtc.change_status(frame, length, bit)
     elif provider.framing == FRAMING_CLASS1:
-        class1.change_status(provider, frame, bit)
+        class1.change_status(provider, frame, length, bit)
 
 
 @inlined
-def change_id(provider: Any, frame: Any, amount: int, absolute: bool) -> None:
+def change_id(provider: Any, frame: Any, length: int, amount: int, absolute: bool) -> None:
     """Add to the frame id or connection id of a complete frame, or write it."""
     if provider.framing == FRAMING_RTC:
         rtc.change_id(frame, signed(provider.data_offset), amount, absolute)
     elif provider.framing == FRAMING_CLASS1:
-        class1.change_id(provider, frame, amount, absolute)
+        class1.change_id(provider, frame, length, amount, absolute)
 
 
 @inlined

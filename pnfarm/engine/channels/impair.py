@@ -368,7 +368,7 @@ def impair_sent(
                 count = framing.count_of(provider, frame, length, signed(row.whole)) + int(row.amount)
                 framing.change_count(provider, frame, length, count, signed(row.whole))
             elif kind == FRAME_ID:
-                framing.change_id(provider, frame, int(row.amount), row.whole != 0)
+                framing.change_id(provider, frame, length, int(row.amount), row.whole != 0)
             elif kind == LENGTH:
                 length = framing.resize(provider, frame, length, int(row.amount))
             elif kind == CORRUPT:
