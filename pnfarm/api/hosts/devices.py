@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.views.overview import injected_kinds
+from pnfarm.farm.views.snapshot import injected_kinds
 from pnfarm.farm.views.stations import device_row, device_snapshot, signals_snapshot, station_snapshot
 from pnfarm.web.errors import named_by_path
 

@@ -10,7 +10,7 @@ from pnfarm.drives.description.parts import fault_label
 from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import fault_situations
 from pnfarm.farm.views.controller_view import controller_view
-from pnfarm.farm.views.snapshot import drive_snapshot, engine_snapshot, injected_faults, line_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot, engine_snapshot, injected_kinds, line_snapshot
 from pnfarm.farm.views.stations import drive_signals
 from pnfarm.firmware.causes import NUMBER_MASK
 
@@ -35,7 +35,7 @@ class FarmDrives:
 
     async def listed(self) -> dict[str, Any]:
         core = self._context.core
-        injected = injected_faults(core.injections)
+        injected = injected_kinds(core.injections)
         drives = []
         for place, station in enumerate(core.axes, start=1):
             drives.append(drive_snapshot(core, station, self._context.now(), injected=injected))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.telegrams.word_bits import STW1_BITS
+from pnfarm.farm.views.snapshot import bit_labels
 from pnfarm.table.channel import INTERVAL_EDGES_NS, JITTER_EDGES_NS
 
 if TYPE_CHECKING:
@@ -88,8 +88,7 @@ def _start_up(one: StartUp) -> dict[str, Any]:
 
 
 def _situation(station: Axis, one: Situation, now: int) -> dict[str, Any]:
-    names = station.model.profidrive.bit_names("STW1", station.store.telegram_number) or STW1_BITS
-    named = [*names, *[""] * (16 - len(names))]
+    labels = bit_labels(station, "STW1")
     return {
         "code": one.code,
         "kind": one.kind,
@@ -97,7 +96,7 @@ def _situation(station: Axis, one: Situation, now: int) -> dict[str, Any]:
         "reaction_seconds": one.reaction_ns / 1e9 if one.reaction_ns is not None else None,
         "acknowledged_seconds": one.acknowledged_ns / 1e9 if one.acknowledged_ns is not None else None,
         "stw1": [
-            {"bit": bit, "name": named[bit] or f"bit_{bit}", "value": value, "after_seconds": after / 1e9}
+            {"bit": bit, "name": labels[bit], "value": value, "after_seconds": after / 1e9}
             for bit, (value, after) in sorted(one.bits.items())
         ],
     }

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.farm.views.snapshot import NO_AR, engine_snapshot
-from pnfarm.faults.manager import RunState
+from pnfarm.farm.views.snapshot import NO_AR, engine_snapshot, injected_kinds
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.wire.mac import format_mac
 
@@ -21,11 +20,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.farm.core import FarmCore
-    from pnfarm.faults.manager import InjectionManager
     from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import LogEntry
 
-__all__ = ["VALUES", "Overview", "injected_kinds"]
+__all__ = ["VALUES", "Overview"]
 
 #: A sample this young is good for another viewer.
 SHARED_NS = 50_000_000
@@ -162,16 +160,6 @@ class Overview:
         place = self._index.get(entry.drive)
         if place is not None:
             self._wanted.setdefault(place)
-
-
-def injected_kinds(manager: InjectionManager) -> dict[str, list[tuple[str, str]]]:
-    """Id and kind of the injections that wait or are in force, by drive."""
-    found: dict[str, list[tuple[str, str]]] = {}
-    for injection in manager.list():
-        for drive, run in injection.runs.items():
-            if run.state is not RunState.ENDED:
-                found.setdefault(drive, []).append((injection.id, injection.spec.kind.name))
-    return found
 
 
 def _row(station: Axis, injected: Mapping[str, list[tuple[str, str]]], now: int) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.telegrams.word_bits import STW1_BITS
+from pnfarm.farm.views.snapshot import bit_labels
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -40,13 +40,12 @@ def _of(core: FarmCore, station: Axis, now: int) -> Iterator[dict[str, Any]]:
 
 
 def _of_fault(core: FarmCore, station: Axis, one: Situation, now: int) -> dict[str, Any]:
-    names = station.model.profidrive.bit_names("STW1", station.store.telegram_number) or STW1_BITS
+    labels = bit_labels(station, "STW1")
     steps = [_step("fault", f"fault {one.code}", 0)]
     cause = _cause(core.injections.of_kind(one.kind), station.configured_name, one.begin_ns)
     steps += _of_cause(cause, one.begin_ns)
     for bit, (value, after) in one.bits.items():
-        name = names[bit] if bit < len(names) and names[bit] else f"bit_{bit}"
-        steps.append(_step("control", f"stw1.{name} = {value}", after))
+        steps.append(_step("control", f"stw1.{labels[bit]} = {value}", after))
     if one.acknowledged_ns is not None:
         steps.append(_step("acknowledged", "fault acknowledged", one.acknowledged_ns))
     fault = next((known for known in station.model.faults.values() if known.label == one.code), None)

@@ -8,7 +8,7 @@ from pnfarm.drives.description.parts import fault_label
 from pnfarm.drives.telegrams.signal_view import Inputs, SignalForm, Word, axis_signals, signal_units
 from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.errors import ConfigError
-from pnfarm.farm.views.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot, state_word
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.table.signals import STW1, ZSW1
 
@@ -86,10 +86,7 @@ class DriveReadings:
     @property
     def state(self) -> str:
         """``S1`` to ``S5``, ``boot``, or ``off``."""
-        if not self._station.powered:
-            return "off"
-        state = int(self._axis.drive.state)
-        return f"S{state}" if state else "boot"
+        return state_word(self._station)
 
     @property
     def connected(self) -> bool:

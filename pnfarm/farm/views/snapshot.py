@@ -6,6 +6,7 @@ Snapshots read the table and the stations; they never write (rule R8).  Times ar
 from __future__ import annotations
 
 import math
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,14 +21,17 @@ from pnfarm.table.channel import DISCARDS
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.faults.manager import InjectionManager
     from pnfarm.station.axis import Axis
     from pnfarm.station.device import ConnectionView
 
-__all__ = ["NO_AR", "connection_snapshot", "discards", "drive_snapshot", "injected_faults", "line_snapshot"]
+__all__ = [
+    "NO_AR", "bit_labels", "connection_snapshot", "discards", "drive_snapshot", "engine_snapshot", "injected_kinds",
+    "line_snapshot", "state_word",
+]  # fmt: skip
 
 #: Keys that a bus shows of a drive (:meth:`pnfarm.station.device.Device.view`) and another may not have.
 _NOT_SHOWN: Mapping[str, Any] = {
@@ -40,14 +44,19 @@ _NOT_SHOWN: Mapping[str, Any] = {
     "station_address": None,
     "lamps": None,
 }
+_USUAL_BITS = {"STW1": STW1_BITS, "ZSW1": ZSW1_BITS}
 #: State without a connection; the other states are named by the bus.
 NO_AR = "NO_AR"
 
 
-def named_bits(word: int, names: Sequence[str]) -> list[str]:
-    """The names of the bits that are set, bit 0 first; a bit without a name is ``bit_11``."""
-    named = [*names, *[""] * (16 - len(names))]
-    return [named[bit] or f"bit_{bit}" for bit in range(16) if word >> bit & 1]
+def bit_labels(axis: Axis, word: str) -> list[str]:
+    """The names of the bits of STW1 or ZSW1, bit 0 first; a bit without a name is ``bit_11``."""
+    names = axis.model.profidrive.bit_names(word, axis.store.telegram_number) or _USUAL_BITS[word]
+    return [name or f"bit_{bit}" for bit, name in zip_longest(range(16), names[:16], fillvalue="")]
+
+
+def _set_bits(axis: Axis, name: str, word: int) -> list[str]:
+    return [label for bit, label in enumerate(bit_labels(axis, name)) if word >> bit & 1]
 
 
 def discards(core: FarmCore, station: Axis) -> dict[str, int]:
@@ -61,13 +70,13 @@ def discards(core: FarmCore, station: Axis) -> dict[str, int]:
     return total
 
 
-def injected_faults(manager: InjectionManager) -> dict[str, list[str]]:
-    """Ids of the injections that wait or are in force, by drive."""
-    found: dict[str, list[str]] = {}
+def injected_kinds(manager: InjectionManager) -> dict[str, list[tuple[str, str]]]:
+    """Id and kind of the injections that wait or are in force, by drive."""
+    found: dict[str, list[tuple[str, str]]] = {}
     for injection in manager.list():
         for drive, run in injection.runs.items():
             if run.state is not RunState.ENDED:
-                found.setdefault(drive, []).append(injection.id)
+                found.setdefault(drive, []).append((injection.id, injection.spec.kind.name))
     return found
 
 
@@ -78,22 +87,20 @@ def _finite(value: Any) -> float:
 
 
 def drive_snapshot(
-    core: FarmCore, station: Axis, now: int, *, injected: Mapping[str, list[str]] | None = None
+    core: FarmCore, station: Axis, now: int, *, injected: Mapping[str, list[tuple[str, str]]] | None = None
 ) -> dict[str, Any]:
     """One drive.  ``injected`` saves a query of the injection manager for each of many drives."""
     axis = station.handle.axis
     powered = station.powered
-    state = int(axis.drive.state)
     # without its supply a drive says nothing, and only its motor turns on
     zsw1, stw1 = (int(axis.profidrive.zsw1), int(axis.profidrive.stw1)) if powered else (0, 0)
-    telegram = station.store.telegram_number
     codes = [int(code) & NUMBER_MASK for code in axis.faults.code if code and powered]
     connection = station.device.connection()
     exchanging = powered and connection is not None and connection.exchanging
     sent, suppressed, received = _frames(core, station)
     seen = {**_NOT_SHOWN, "station_name": station.device.name, **station.device.view(now)}
     if injected is None:
-        injected = injected_faults(core.injections)
+        injected = injected_kinds(core.injections)
     return {
         "name": station.configured_name,
         "station_name": seen["station_name"],
@@ -105,13 +112,13 @@ def drive_snapshot(
         "ip_conflict": seen["ip_conflict"],
         "station_address": seen["station_address"],
         "powered": powered,
-        "state": _state_word(powered, state),
+        "state": state_word(station),
         "status": [name for name in STATUS_BITS if SIGNALS[name].read(station)] if powered else [],
         "zsw1": f"0x{zsw1:04X}",
-        "zsw1_bits": named_bits(zsw1, station.model.profidrive.bit_names("ZSW1", telegram) or ZSW1_BITS),
+        "zsw1_bits": _set_bits(station, "ZSW1", zsw1),
         "stw1": f"0x{stw1:04X}",
-        "stw1_bits": named_bits(stw1, station.model.profidrive.bit_names("STW1", telegram) or STW1_BITS),
-        "telegram": telegram,
+        "stw1_bits": _set_bits(station, "STW1", stw1),
+        "telegram": station.store.telegram_number,
         "ar_state": connection.state if powered and connection is not None and connection.state else NO_AR,
         "connected": exchanging,
         **connection_snapshot(connection, now),
@@ -150,7 +157,7 @@ def drive_snapshot(
             (now - lamp_ns) / 1e9 if (lamp_ns := station.station.signalled_ns) is not None else None
         ),
         "realism": station.station.flaws.shown(),
-        "faults_injected": list(injected.get(station.configured_name, ())),
+        "faults_injected": [fault for fault, _ in injected.get(station.configured_name, ())],
     }
 
 
@@ -223,10 +230,10 @@ def engine_snapshot(core: FarmCore) -> dict[str, Any]:
     }
 
 
-def _state_word(powered: bool, state: int) -> str:
-    if not powered:
-        return "off"
-    return f"S{state}" if state else "boot"
+def state_word(axis: Axis) -> str:
+    """``S1`` to ``S5``, ``boot``, or ``off``."""
+    state = int(axis.handle.axis.drive.state)
+    return "off" if not axis.powered else f"S{state}" if state else "boot"
 
 
 def _frames(core: FarmCore, station: Axis) -> tuple[int, int, int]:
