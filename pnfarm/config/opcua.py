@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from ipaddress import ip_address
 from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
 from pnfarm.config.section import Section
-from pnfarm.config.values import OFF, Duration, Listen, between
+from pnfarm.config.values import OFF, Duration, Listen, between, file_key, is_loopback, secret_key
 from pnfarm.vocabulary.problem import Problem
 
 __all__ = ["DEFAULT_OPCUA_LISTEN", "OpcUa", "open_opcua"]
@@ -17,8 +16,7 @@ __all__ = ["DEFAULT_OPCUA_LISTEN", "OpcUa", "open_opcua"]
 DEFAULT_OPCUA_LISTEN = "127.0.0.1:4840"
 
 _Interval = between(10_000_000, 60_000_000_000, "10ms to 60s")
-_PATH = "relative to this file"
-_PEM = "in PEM or DER (`.der`)"
+_PEM = "in PEM or DER (`.der`), relative to this file."
 
 
 def open_opcua(value: Any) -> Any:
@@ -28,14 +26,6 @@ def open_opcua(value: Any) -> Any:
     if value is True or value == "on":
         return {}
     return value if isinstance(value, (dict, OpcUa)) else {"listen": value}
-
-
-def _password(what: str) -> Any:
-    return Field(default=None, min_length=8, max_length=512, description=what)
-
-
-def _file(what: str) -> Any:
-    return Field(default=None, min_length=1, max_length=4096, description=f"{what}, {_PATH}.")
 
 
 class OpcUa(Section):
@@ -54,17 +44,17 @@ class OpcUa(Section):
     user: str | None = Field(
         default=None, min_length=1, max_length=64, description="User who may write; others on this machine may read."
     )
-    password: str | None = _password("The user's password.")
-    password_file: str | None = _file("File with the password in its only line")
+    password: str | None = secret_key("The user's password.")
+    password_file: str | None = file_key("File with the password in its only line, relative to this file.")
     read_user: str | None = Field(
         default=None,
         min_length=1,
         max_length=64,
         description="Further user, who may read and change nothing; with it, every client needs a user.",
     )
-    read_password: str | None = _password("That user's password.")
-    certificate: str | None = _file(f"Certificate of the server {_PEM}")
-    key: str | None = _file(f"Its private key {_PEM}")
+    read_password: str | None = secret_key("That user's password.")
+    certificate: str | None = file_key(f"Certificate of the server {_PEM}")
+    key: str | None = file_key(f"Its private key {_PEM}")
 
     @model_validator(mode="after")
     def _is_safe(self) -> Self:
@@ -89,8 +79,4 @@ class OpcUa(Section):
     @property
     def is_loopback(self) -> bool:
         """Whether only this machine can reach it."""
-        host = self.listen[0]
-        try:
-            return ip_address(host).is_loopback
-        except ValueError:
-            return host == "localhost"
+        return is_loopback(self.listen[0])

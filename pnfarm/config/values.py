@@ -7,10 +7,10 @@ names what is allowed; the ``Annotated`` types below carry them into the models 
 from __future__ import annotations
 
 import re
-from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValueError
+from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValueError, ip_address
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, PlainValidator, WithJsonSchema
+from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
 
 from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_duration
 from pnfarm.vocabulary.globs import GLOBS_SCHEMA, read_globs
@@ -35,7 +35,10 @@ __all__ = [
     "Scalar",
     "between",
     "expand_name",
+    "file_key",
+    "is_loopback",
     "numbered",
+    "secret_key",
 ]
 
 #: ``mac: auto``.
@@ -194,6 +197,24 @@ def read_scalar(value: Any) -> int | float | str | bool:
     if not isinstance(value, (int, float, str)):
         raise Problem(f"is {shown(value)}", "a number or a word")
     return value
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host name or address is loopback."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
+def secret_key(description: str) -> Any:
+    """A token or a password: no message repeats it."""
+    return Field(default=None, repr=False, min_length=8, max_length=512, description=description)
+
+
+def file_key(description: str) -> Any:
+    """The name of a file."""
+    return Field(default=None, min_length=1, max_length=4096, description=description)
 
 
 def _schema(**schema: Any) -> WithJsonSchema:

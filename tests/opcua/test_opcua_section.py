@@ -62,6 +62,23 @@ def test_what_is_unsafe_or_incomplete_is_refused_with_what_is_allowed(text, said
     assert ": opcua" in str(refused.value)
 
 
+@pytest.mark.parametrize("key", ["password", "read_password"])
+def test_a_password_that_yaml_takes_for_a_number_is_in_no_message(key):
+    with pytest.raises(FarmFileError) as refused:
+        section(f"{{user: scada, {key}: 4711081500}}")
+    assert f"opcua.{key}: is not text: put it in quotes" in str(refused.value)
+    assert "4711081500" not in str(refused.value)
+
+
+def test_a_password_is_not_in_the_text_of_its_section():
+    assert "a-long-secret" not in repr(section("{user: scada, password: a-long-secret}"))
+
+
+@pytest.mark.parametrize("host", ["localhost", "LocalHost", "127.0.0.7", "[::1]"])
+def test_an_address_of_this_machine_alone_needs_no_user(host):
+    assert section(f"'{host}:4840'").is_loopback
+
+
 def test_beyond_this_machine_a_user_and_a_certificate_are_enough():
     found = section("{listen: '0.0.0.0:4840', user: scada, password: a-long-secret, " + CERTIFIED + "}")
     assert not found.is_loopback

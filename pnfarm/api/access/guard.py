@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import re
 from http import HTTPStatus
-from ipaddress import ip_address
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
@@ -23,6 +22,7 @@ from starlette.responses import RedirectResponse
 from pnfarm.api.access.keys import Keys
 from pnfarm.api.access.login import login_page, typed_token
 from pnfarm.api.problems import problem
+from pnfarm.config.values import is_loopback
 from pnfarm.web.roles import Role
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from pnfarm.api.access.token_file import Holder
 
-__all__ = ["COOKIE", "OPEN_PATHS", "ROLE", "SAFE_METHODS", "WHO", "Guard", "is_loopback"]
+__all__ = ["COOKIE", "OPEN_PATHS", "ROLE", "SAFE_METHODS", "WHO", "Guard"]
 
 COOKIE = "pnfarm_token"
 #: Key of a request's scope: the token's name (``token`` and ``read_token`` are the farm's own), ``loopback`` where none
@@ -50,14 +50,6 @@ MOST_STRANGERS = 4
 #: Host and port as RFC 9110 writes them, an IPv6 address in brackets.
 _HOST = re.compile(r"(?:\[([0-9A-Fa-f:.]+)\]|([A-Za-z0-9.-]+))(?::[0-9]{1,5})?")
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a host name or address is loopback."""
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host.lower() == "localhost"
 
 
 def _is_own(origin: str, request: Request) -> bool:

@@ -7,7 +7,6 @@ has the unit (``cycle`` -> ``cycle_ns``).
 
 from __future__ import annotations
 
-from ipaddress import ip_address
 from typing import Annotated, Any
 
 from pydantic import (
@@ -32,7 +31,7 @@ from pnfarm.config.links import Link
 from pnfarm.config.opcua import DEFAULT_OPCUA_LISTEN, OpcUa, open_opcua
 from pnfarm.config.plant import PlantSection
 from pnfarm.config.section import Section
-from pnfarm.config.values import OFF, Duration, FarmName, Listen
+from pnfarm.config.values import OFF, Duration, FarmName, Listen, file_key, is_loopback, secret_key
 from pnfarm.farm.file.choice import Choice
 from pnfarm.farm.lease import DEFAULT_TTL_NS, LONGEST_TTL_NS, SHORTEST_TTL_NS
 from pnfarm.vocabulary.problem import Problem
@@ -50,57 +49,30 @@ class Api(Section):
     """Where the HTTP API, the metrics and the web page are served."""
 
     listen: Listen = Field(description="HOST:PORT; port 0 takes any free one.")
-    token: str | None = Field(
-        default=None,
-        repr=False,
-        min_length=8,
-        max_length=512,
-        description="Bearer token that clients must send; left out, one is generated unless the API listens on "
-        "loopback only.",
+    token: str | None = secret_key(
+        "Bearer token that clients must send; left out, one is generated unless the API listens on loopback only."
     )
-    token_file: str | None = Field(
-        default=None,
-        min_length=1,
-        max_length=4096,
-        description="File of the token, relative to this file: made at the first start where there is none, and holds "
-        "`token` where that is given. Left out, api-token in the folder of `state`, for a port beyond loopback.",
+    token_file: str | None = file_key(
+        "File of the token, relative to this file: made at the first start where there is none, and holds "
+        "`token` where that is given. Left out, api-token in the folder of `state`, for a port beyond loopback."
     )
-
-    read_token: str | None = Field(
-        default=None,
-        repr=False,
-        min_length=8,
-        max_length=512,
-        description="Further bearer token, which may read and change nothing; with it, every client needs a token.",
+    read_token: str | None = secret_key(
+        "Further bearer token, which may read and change nothing; with it, every client needs a token."
     )
-
-    tokens: str | None = Field(
-        default=None,
-        min_length=1,
-        max_length=4096,
-        description="File of further tokens with roles and times to expire (`pnfarm token`), relative to this file; "
-        "with it, every client needs a token, and none is generated.",
+    tokens: str | None = file_key(
+        "File of further tokens with roles and times to expire (`pnfarm token`), relative to this file; "
+        "with it, every client needs a token, and none is generated."
     )
-    audit: str | None = Field(
-        default=None,
-        min_length=1,
-        max_length=4096,
-        description="File that gets a line for each request that changes something, relative to this file "
-        "(`pnfarm audit`).",
+    audit: str | None = file_key(
+        "File that gets a line for each request that changes something, relative to this file (`pnfarm audit`)."
     )
-    tls_cert: str | None = Field(
-        default=None,
-        min_length=1,
-        max_length=4096,
-        description="Certificate in PEM, with its chain, relative to this file: the API and the page are served by TLS "
-        "(https). A changed file is read again.",
+    tls_cert: str | None = file_key(
+        "Certificate in PEM, with its chain, relative to this file: the API and the page are served by TLS "
+        "(https). A changed file is read again."
     )
-    tls_key: str | None = Field(
-        default=None,
-        min_length=1,
-        max_length=4096,
-        description="The certificate's key in PEM without a passphrase, relative to this file; left out, it is in the "
-        "certificate's file.",
+    tls_key: str | None = file_key(
+        "The certificate's key in PEM without a passphrase, relative to this file; left out, it is in the "
+        "certificate's file."
     )
 
     @field_validator("tls_key")
@@ -142,10 +114,7 @@ class Api(Section):
     @property
     def is_loopback(self) -> bool:
         """Whether only this machine can reach it."""
-        try:
-            return ip_address(self.host).is_loopback
-        except ValueError:
-            return self.host == "localhost"
+        return is_loopback(self.host)
 
 
 def _within_ttl(value: int) -> int:
