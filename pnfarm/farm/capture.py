@@ -54,7 +54,7 @@ NICENESS = 5
 MOST_TELEGRAMS = 65_536
 BLOCKS_AT_ONCE = 1024
 
-_SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([kMG]?)(i?)B?", re.IGNORECASE)
+_SIZE = re.compile(r"([0-9]{1,18}(?:\.[0-9]+)?)\s*([kMG]?)(i?)B?", re.IGNORECASE)
 _POWERS = {"": 0, "k": 1, "m": 2, "g": 3}
 
 #: Receiver of the capture's events, for the farm's log.
@@ -136,7 +136,6 @@ class FarmCapture:
         else:
             self._files = CaptureFiles(settings.path, head, size=size, files=files)
         self._files.tail = self._tail
-        self._ring: PacketRing | None = None
         #: Interface numbers of ports on lines, and their telegrams on their way to the thread.
         self._line_numbers: dict[int, int] = {}
         self._telegrams: deque[tuple[int, bytes]] = deque()
@@ -185,9 +184,9 @@ class FarmCapture:
         for index, number in places.items():
             numbers[index - lowest] = number
         atoms = atoms_of(self.settings.only)
-        self._ring = PacketRing(capture_filter(list(places), atoms, others=far_end)) if places else None
+        ring = PacketRing(capture_filter(list(places), atoms, others=far_end)) if places else None
         self._thread = threading.Thread(
-            target=self._run, args=(self._ring, numbers, lowest, far_end), name="capture", daemon=True
+            target=self._run, args=(ring, numbers, lowest, far_end), name="capture", daemon=True
         )
         self._thread.start()
 
@@ -209,7 +208,6 @@ class FarmCapture:
         self._stop.set()
         self._thread.join()
         self._thread = None
-        self._ring = None
 
     # -- the thread --------------------------------------------------------------------------------------------------
 
