@@ -35,8 +35,6 @@ _CALLED: dict[type[Section], str] = {DriveGroup: "a drive", ControllerSection: "
 #: Sections whose location carries the union's tag after the key: ``("link", "veth", "bridge")``.
 _TAGGED = frozenset(("link",))
 
-#: Link kinds that are promised, but for buses that this version does not run.
-_LATER_LINKS = {"serial": "serial is for PROFIBUS, which this version does not run"}
 
 _BY_TYPE = {
     "int_type": "a whole number",
@@ -114,7 +112,7 @@ class Explainer:
         if kind in {"union_tag_invalid", "union_tag_not_found"} or (place[-1:] == ("link",) and kind in _BY_TYPE):
             return place, *_wrong_tag(value)
         if kind == "literal_error":
-            words = [_word(word) for word in _literals(field)]
+            words = [str(word) for word in _literals(field)]
             hint = did_you_mean(value, words) if isinstance(value, str) else ""
             return place, f"is {shown(value)}{hint}", ", ".join(words) or context["expected"]
         if kind in _BY_TYPE:
@@ -238,8 +236,6 @@ def _wrong_tag(value: Any) -> tuple[str, str]:
     tag = value.get("kind") if isinstance(value, dict) else None
     if tag is None:
         return "has no kind" if isinstance(value, dict) else f"is {shown(value)}, not a mapping with a kind", allowed
-    if isinstance(tag, str) and tag in _LATER_LINKS:
-        return _LATER_LINKS[tag], allowed
     hint = did_you_mean(tag, kinds) if isinstance(tag, str) else ""
     return f"{shown(tag)} is not a kind of link{hint}", allowed
 
@@ -282,10 +278,6 @@ def _literals(field: FieldInfo | None) -> list[Any]:
         else:
             pending += typing.get_args(annotation)
     return found
-
-
-def _word(value: Any) -> str:
-    return value if isinstance(value, str) else str(value)
 
 
 def _bounds(field: FieldInfo | None) -> str:
