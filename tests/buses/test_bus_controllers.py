@@ -110,7 +110,7 @@ def test_a_file_with_one_bus_is_read_as_before_and_may_have_a_map_as_well():
     assert [section.name for section in config.controllers] == ["plc"]
     mapped = parse_farm(one + "  profinet: {watchdog_factor: 7}\n")
     assert mapped.controller.watchdog_factor == 7
-    assert controller_mac(mapped) == controller_mac(config)
+    assert controller_mac(mapped, mapped.controllers[0]) == controller_mac(config, config.controllers[0])
 
 
 def test_a_key_set_from_outside_reaches_one_bus():

@@ -73,17 +73,17 @@ def test_a_file_for_foreign_devices_needs_no_farm():
     )
     assert (farm.farm, farm.link, farm.controller.interface, farm.controller.reconnect) == (None, None, "eth1", None)
     assert farm.controller.records[0].data == b"\x00\xff"
-    assert controller_mac(farm) is None
+    assert controller_mac(farm, farm.controllers[0]) is None
     assert [drive.name for drive in expand(farm)] == ["press"]
 
 
 def test_a_controller_on_the_farms_link_gets_a_mac_of_its_own():
     farm = parse(CONTROLLER + "  ip: 10.77.0.1/24\n")
-    mac = controller_mac(farm)
+    mac = controller_mac(farm, farm.controllers[0])
     assert mac[0] == 2
     assert mac not in {drive.mac for drive in expand(farm)}
     explicit = parse(CONTROLLER + "  mac: 02:00:00:00:00:09\n")
-    assert controller_mac(explicit) == bytes.fromhex("020000000009")
+    assert controller_mac(explicit, explicit.controllers[0]) == bytes.fromhex("020000000009")
 
 
 WRONG_CONTROLLER = [

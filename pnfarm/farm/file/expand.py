@@ -25,14 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["controller_mac", "expand_device_sections", "expand_sections"]
 
 
-def controller_mac(sections: FarmSections, controller: ControllerSection | None = None) -> bytes | None:
-    """A controller's MAC address; None where it uses an interface's own, or there is no controller.
-
-    ``controller``: one of the file's; left out, the first.
-    """
-    controller = controller or sections.controller
-    if controller is None:
-        return None
+def controller_mac(sections: FarmSections, controller: ControllerSection) -> bytes | None:
+    """The MAC address of one of the file's controllers; None where it uses an interface's own."""
     if line_of(bus_of_controller(controller)):
         return None
     mac = controller.mac if isinstance(controller, IpController) else None
