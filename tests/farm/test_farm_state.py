@@ -16,7 +16,7 @@ from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.state import axis_fields
-from pnfarm.farm.state.content import check_state, put_state, take_state
+from pnfarm.farm.state.content import TakenState, check_state, put_state
 from pnfarm.farm.state.files import StateFiles
 from pnfarm.farm.state.refused import RefusedStateError
 from pnfarm.farm.state.states import SavedStates
@@ -29,7 +29,7 @@ BUSES = ("profinet", "ethernetip", "profibus")
 
 def taken(line):
     """The state as it comes out of a file."""
-    found = json.loads(json.dumps(take_state(line.core).plain(), allow_nan=False))
+    found = json.loads(json.dumps(TakenState(line.core).plain(), allow_nan=False))
     del found["saved"]
     return found
 
@@ -284,7 +284,7 @@ def test_a_memory_that_fills_up_meanwhile_leaves_every_drive_as_it_was():
     text = f"farm: f\nlink: {{kind: memory}}\ndrives: {drives}\n"
     line = asyncio.run(VirtualLine.create(parse_farm(text), memory=memory, log=EventLog(quiet=True)))
     line.world.run(0.1)
-    state = json.loads(json.dumps(take_state(line.farm).plain()))
+    state = json.loads(json.dumps(TakenState(line.farm).plain()))
     for station in line.farm.stations:
         station.keep(line.world.now, "faults", [702])
     memory.room = 2
@@ -367,7 +367,7 @@ def test_a_model_in_python_keeps_its_attributes_and_the_others_are_named(tmp_pat
     with with_model(tmp_path, ODD) as line:
         line.run(0.1)
         model = line.core.plant.python._models[0].model
-        assert take_state(line.core).notes[0] == "press: own of press.py cannot be saved"
+        assert TakenState(line.core).notes[0] == "press: own of press.py cannot be saved"
         state, count = taken(line), model.count
         line.run(0.1)
         put(line, state)
@@ -426,7 +426,7 @@ def test_a_model_in_python_may_save_itself_and_refuse(tmp_path):
     with with_model(tmp_path, SAVES) as line:
         line.run(0.1)
         model = line.core.plant.python._models[0].model
-        assert not [note for note in take_state(line.core).notes if note.startswith("press")]
+        assert not [note for note in TakenState(line.core).notes if note.startswith("press")]
         state, count = taken(line), model.count
         line.run(0.1)
         put(line, state)

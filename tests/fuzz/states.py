@@ -10,7 +10,7 @@ from tempfile import mkdtemp
 from moment_cell import cell_text
 
 from pnfarm.errors import DecodeError
-from pnfarm.farm.state.content import check_state, take_state
+from pnfarm.farm.state.content import TakenState, check_state
 from pnfarm.farm.state.files import parse_state
 from pnfarm.farm.state.refused import RefusedStateError
 from pnfarm.testing import Line
@@ -27,7 +27,7 @@ def _line() -> Line:
 
 def saved_states() -> list[bytes]:
     """Good files."""
-    return [json.dumps(take_state(_line().core).plain(), indent=1).encode()]
+    return [json.dumps(TakenState(_line().core).plain(), indent=1).encode()]
 
 
 def check_changed(data: bytes) -> None:

@@ -14,7 +14,7 @@ from fmus import DESCRIPTION, TROUBLE, bench_fmu, needs_fmpy, python_fmu
 from plant_bench import PlantBench
 
 from pnfarm.errors import ConfigError, EnvironmentError_
-from pnfarm.farm.state.content import check_state, put_state, take_state
+from pnfarm.farm.state.content import TakenState, check_state, put_state
 from pnfarm.plant.events import PlantModelFailed, PlantModelLate
 from pnfarm.plant.fmi import models as fmu_models
 from pnfarm.testing import Line
@@ -286,7 +286,7 @@ plant:
 
 
 def _taken(line):
-    state = take_state(line.core)
+    state = TakenState(line.core)
     return json.loads(json.dumps(state.plain())), [note for note in state.notes if "press" in note]
 
 

@@ -6,7 +6,7 @@ from copy import copy
 import pytest
 
 from pnfarm.errors import ConfigError
-from pnfarm.farm.state.content import check_state, put_state, take_state
+from pnfarm.farm.state.content import TakenState, check_state, put_state
 from pnfarm.signals.refusal import SignalError
 from pnfarm.testing import Line
 
@@ -86,10 +86,10 @@ def test_a_saved_state_has_the_force(line):
     lamp = _of(line, "lamp")
     lamp.force({"on": True})
     line.run(0.01)
-    forced = json.loads(json.dumps(take_state(line.core).plain()))
+    forced = json.loads(json.dumps(TakenState(line.core).plain()))
     lamp.force({"on": None})
     line.run(0.01)
-    free = json.loads(json.dumps(take_state(line.core).plain()))
+    free = json.loads(json.dumps(TakenState(line.core).plain()))
     for state, lit in ((forced, True), (free, False), (forced, True)):
         put_state(line.core, check_state(line.core, state), line.now_ns)
         line.run(0.01)

@@ -13,7 +13,7 @@ from pnfarm.engine.gap import between_ticks
 from pnfarm.farm.state.axis_fields import LAYOUT, fields_of, octets_of, put_octets
 from pnfarm.farm.state.plant import check_plant, filled, plain_plant
 from pnfarm.farm.state.refused import RefusedStateError, mapped
-from pnfarm.farm.state.stations import check_station, memory_of, notes_of, plain_station, put_signals
+from pnfarm.farm.state.stations import check_station, memory_of, notes_of, plain_station
 from pnfarm.faults.effects.supply import SUPPLY
 from pnfarm.station.fault_memory import active_of
 from pnfarm.vocabulary.quoting import shortened, shown
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
     from pnfarm.plant.table import PlantCopies
 
-__all__ = ["TakenState", "check_state", "put_state", "take_state"]
+__all__ = ["TakenState", "check_state", "put_state"]
 
 #: Version of the format.
 FORMAT = 1
@@ -34,7 +34,9 @@ _TOGETHER = 32
 
 
 class TakenState:
-    """``notes``: a sentence for whatever is not in it.  It is of one moment, except for axes beyond the first ones.
+    """The state as it is now, of one moment, except for axes beyond the first ones.
+
+    ``notes``: a sentence for whatever is not in it.
 
     All records are copied in the constructor; :meth:`plain` may be called in another thread.
     """
@@ -85,11 +87,6 @@ def _blocks(axes: int) -> list[tuple[int, int]]:
     return [(begin, min(begin + _TOGETHER, axes)) for begin in range(0, max(axes, 1), _TOGETHER)]
 
 
-def take_state(core: FarmCore) -> TakenState:
-    """The state as it is now.  Raises :class:`ConfigError` for a model in Python that cannot be saved."""
-    return TakenState(core)
-
-
 def check_state(core: FarmCore, state: Any) -> dict[str, Any]:
     """A state that can be put into this farm; raises :class:`RefusedStateError` with what is wrong."""
     found = mapped(state, "it")
@@ -129,7 +126,8 @@ def put_state(core: FarmCore, state: Mapping[str, Any], now: int) -> list[str]:
         supply = core.injections.drive(station.configured_name).find(SUPPLY)
         if station.switched_off or (supply is not None and supply.held_off):
             station.power_off(now)
-        put_signals(station, its)
+        if station.signals is not None:
+            station.signals.take_state(its["signals"])
         core.settle(station, now)
         notes += notes_of(station.configured_name, its)
     _put_rows(core, state)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
 from pnfarm.farm.events import StateRestored, StateSaved
-from pnfarm.farm.state.content import TakenState, check_state, put_state, take_state
+from pnfarm.farm.state.content import TakenState, check_state, put_state
 from pnfarm.farm.state.files import StateFiles
 from pnfarm.farm.state.refused import RefusedStateError
 
@@ -21,10 +21,6 @@ if TYPE_CHECKING:
 __all__ = ["SavedStates"]
 
 
-def _nothing() -> None:
-    pass
-
-
 class SavedStates:
     """``folder``: where their files are, None for a farm without a place for them.
 
@@ -36,7 +32,7 @@ class SavedStates:
         core: FarmCore,
         folder: Path | None,
         now: Callable[[], int],
-        poke: Callable[[], object] = _nothing,
+        poke: Callable[[], object] = lambda: None,
     ) -> None:
         self._core = core
         self._folder = folder
@@ -57,8 +53,8 @@ class SavedStates:
         files = self._files()
         files.path(name)
         async with self._busy:
-            taken = take_state(self._core)
-            await asyncio.to_thread(self._write, files, name, taken)
+            taken = TakenState(self._core)
+            await asyncio.to_thread(lambda: files.write(name, taken.plain()))
         self._core.log.record(self._now(), "", StateSaved(name))
         return taken.notes
 
@@ -90,10 +86,6 @@ class SavedStates:
     async def delete(self, name: str) -> None:
         """Delete a state; raises :class:`UnknownStateError`, :class:`ConfigError` or :class:`EnvironmentError_`."""
         await asyncio.to_thread(self._files().delete, name)
-
-    @staticmethod
-    def _write(files: StateFiles, name: str, taken: TakenState) -> None:
-        files.write(name, taken.plain())
 
     def _files(self) -> StateFiles:
         if self._folder is None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
-__all__ = ["check_station", "memory_of", "notes_of", "plain_station", "put_signals"]
+__all__ = ["check_station", "memory_of", "notes_of", "plain_station"]
 
 _KEYS = ("model", "powered", "controller", "memory", "signals", "axes")
 #: S4 and S5: the power stage is on.
@@ -119,12 +119,6 @@ def memory_of(station: Station, state: Mapping[str, Any]) -> dict[str, Any]:
         return values_of(rows, name, EnvironmentError_)
     except EnvironmentError_ as exc:
         raise RefusedStateError(str(exc)) from exc
-
-
-def put_signals(station: Station, state: Mapping[str, Any]) -> None:
-    """What is written and forced."""
-    if station.signals is not None:
-        station.signals.take_state(state["signals"])
 
 
 def notes_of(name: str, state: Mapping[str, Any]) -> list[str]:
