@@ -60,7 +60,6 @@ if TYPE_CHECKING:
     from pnfarm.links.serial.line import LineTally
     from pnfarm.plant.plan import PlantPlan
     from pnfarm.signals.owner import SignalOwner
-    from pnfarm.station.event import Event
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.node import StationNode
     from pnfarm.station.plain_signals import NamedSignals
@@ -208,7 +207,7 @@ class FarmCore:
                 {axis.configured_name: axis for axis in self.axes},
                 signals,
                 self.columns,
-                partial(self._note_plant, log),
+                lambda now, event: log.record(now, "", event),
                 late=self.lateness.plant.note if in_real_time else None,
             )
         #: What is injected into the drives.
@@ -246,10 +245,6 @@ class FarmCore:
                 carrier.set_slaves(self._line_segment.least_reply_bits)
         if isinstance(innermost, MemoryLink):
             innermost.set_line_audience(self._line_audience)
-
-    @staticmethod
-    def _note_plant(log: EventLog, now: int, event: Event) -> None:
-        log.record(now, "", event)
 
     def _make_axes(
         self, station: Station, *, config: DriveConfig, model: Model, flaws: Imperfections

@@ -145,14 +145,6 @@ def _with_lines(link: Link, ways: Mapping[str, LineWay]) -> Link:
     return JoinedLink(link, make_lines(ways)) if ways else link
 
 
-def _memory_baud(config: FarmConfig) -> int:
-    return config.link.baud if isinstance(config.link, MemorySection) else 0
-
-
-def _in_memory(config: FarmConfig) -> bool:
-    return isinstance(config.link, MemorySection)
-
-
 def realtime_settings(config: FarmConfig) -> RealTimeSettings:
     """What the engine requests from the kernel, for a farm or a controller."""
     section = config.realtime
@@ -193,12 +185,15 @@ class Farm:
         #: The running or last capture.
         self.capture: FarmCapture | None = None
         #: The farm and its controller in memory; None on a link with interfaces.
-        self.world = VirtualWorld(time.monotonic_ns()) if link is None and _in_memory(config) else None
-        if self.world is not None and capture is not None:
-            raise ConfigError(
-                "a memory link has no interface to capture from: use a veth link, or run a scenario in virtual time "
-                "(`pnfarm run SCENARIO --virtual --pcap FILE`)"
-            )
+        self.world: VirtualWorld | None = None
+        if link is None and isinstance(config.link, MemorySection):
+            if capture is not None:
+                raise ConfigError(
+                    "a memory link has no interface to capture from: use a veth link, or run a scenario in virtual "
+                    "time (`pnfarm run SCENARIO --virtual --pcap FILE`)"
+                )
+            self.world = VirtualWorld(time.monotonic_ns())
+            link = self.world.link(baud=config.link.baud)
         self.shard = shard
         whole = expand_all(config)
         self._file = places_of(config, whole)
@@ -207,8 +202,6 @@ class Farm:
         #: Those that are no drives.
         self.devices = [one for one in here if isinstance(one, DeviceConfig)]
         self._stations = here
-        if self.world is not None:
-            link = self.world.link(baud=_memory_baud(config))
         self.link = link or make_link(config, self.drives, shard, captured=capture is not None)
         self._lock = _lock(config, shard)
         self._state: FarmState | PostgresState | None = None
