@@ -182,7 +182,7 @@ class SocketGate:
         """Drop what waits: the station has lost its supply."""
         known = self._port(port)
         for item in known.waiting():
-            _gone(item, sent=False)
+            _gone(item)
         for stream in known.streams.values():
             for lane in stream.lanes.values():
                 lane.clear()
@@ -329,7 +329,7 @@ class SocketGate:
     def _empty(self, known: _Port, lane: deque[_Item]) -> None:
         for item in lane:
             known.octets -= item.size
-            _gone(item, sent=False)
+            _gone(item)
         lane.clear()
 
     def _drop(self, known: _Port, number: int) -> None:
@@ -428,7 +428,7 @@ def _with(event: SocketEvent | SocketAction, data: bytes) -> SocketEvent | Socke
 
 
 def _let_go(item: _Item) -> None:
-    """It never waited, and never leaves."""
+    """It never leaves."""
     for late in item.late:
         late.left(sent=False)
 
@@ -439,8 +439,7 @@ def _no_longer_waiting(item: _Item) -> None:
     item.rules = set()
 
 
-def _gone(item: _Item, *, sent: bool) -> None:
+def _gone(item: _Item) -> None:
     """What waited never leaves."""
     _no_longer_waiting(item)
-    for late in item.late:
-        late.left(sent=sent)
+    _let_go(item)

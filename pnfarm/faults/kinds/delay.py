@@ -23,9 +23,6 @@ class Delay(ShapedEffect):
 
 @by_values
 def _check(values: dict[str, Any]) -> Misfits:
-    for name in ("delay", "jitter"):
-        if values[name] > MOST_NS:
-            yield f"params.{name}", Problem("is too long", "a duration of at most 10s")
     if not values["delay"] and not values["jitter"]:
         yield "params.delay", Problem("is 0, as the jitter", "a duration above 0 for one of them")
 
@@ -39,8 +36,8 @@ KIND = InjectionKind(
     Delay,
     {
         "frames": FRAMES_PARAM,
-        "delay": ParamSpec("duration", "Fixed delay, up to 10 s.", default="5ms"),
-        "jitter": ParamSpec("duration", "Random additional delay, up to 10 s.", default="0ms"),
+        "delay": ParamSpec("duration", "Fixed delay.", default="5ms", high=MOST_NS),
+        "jitter": ParamSpec("duration", "Random additional delay.", default="0ms", high=MOST_NS),
         "overtake": ParamSpec("yes or no", "Whether a later frame may overtake a delayed one.", default=False),
     },
     directions=EVERY_DIRECTION,

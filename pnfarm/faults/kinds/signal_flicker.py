@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec, by_values
+from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 from pnfarm.faults.signals import SIGNAL, TO_CONTROLLER, SignalEffect
-from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
-    from pnfarm.faults.kind import Misfits
     from pnfarm.wire.value_types import Value
 
 __all__ = ["KIND"]
@@ -56,12 +54,6 @@ class Flickering(SignalEffect):
         self._due = self._next if self._due is None else min(self._due, self._next)
 
 
-@by_values
-def _misfits(values: dict[str, Any]) -> Misfits:
-    if values["period"] < _SHORTEST_NS:
-        yield "params.period", Problem("is below 10ms", "10ms or more")
-
-
 KIND = InjectionKind(
     "signal-flicker",
     "signals",
@@ -70,7 +62,9 @@ KIND = InjectionKind(
     Flickering,
     {
         "signal": SIGNAL,
-        "period": ParamSpec("duration", "Of one change to the other value and back; 10ms or more.", default="100ms"),
+        "period": ParamSpec(
+            "duration", "Of one change to the other value and back.", default="100ms", low=_SHORTEST_NS
+        ),
         "value": ParamSpec(
             "text", "What it changes to; left out, the opposite of a bit.", other="a value of the signal's type"
         ),
@@ -79,5 +73,4 @@ KIND = InjectionKind(
     place=40,
     wire=TO_CONTROLLER,
     reports="The bus reports nothing.",
-    misfits=_misfits,
 )

@@ -9,9 +9,8 @@ from pnfarm.faults.gate.frame_words import FRAMES_PARAM
 from pnfarm.faults.gate.gate import GateRule
 from pnfarm.faults.gate.shaping import LINE_OCTETS
 from pnfarm.faults.gate.socket_gate import STREAM
-from pnfarm.faults.kind import EVERY_DIRECTION, HELD, InjectionKind, Misfits, ParamSpec, by_values
+from pnfarm.faults.kind import EVERY_DIRECTION, HELD, InjectionKind, ParamSpec
 from pnfarm.table.impairment import THROTTLE
-from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
     from pnfarm.faults.gate.gate import DueFrame
@@ -68,12 +67,6 @@ class Throttle(ShapedEffect):
         return SlowLine(*args, octet_ns=rate, queue_ns=self.values["queue"], **fields)
 
 
-@by_values
-def _check(values: dict[str, Any]) -> Misfits:
-    if values["queue"] > MOST_NS:
-        yield "params.queue", Problem("is too long", "a duration of at most 10s")
-
-
 KIND = InjectionKind(
     "throttle",
     "frames",
@@ -86,12 +79,11 @@ KIND = InjectionKind(
         "rate": ParamSpec(
             "number", "Of frames with preamble, check and gap.", default=100.0, unit="kbit/s", low=1.0, high=1e6
         ),
-        "queue": ParamSpec("duration", "Longest wait, up to 10 s.", default="100ms"),
+        "queue": ParamSpec("duration", "Longest wait.", default="100ms", high=MOST_NS),
     },
     directions=EVERY_DIRECTION,
     takes=HELD,
     wire="Frames are no closer than the rate permits; when they are more than that, some are missing.",
     reports="A drive whose frames need more than the rate: IO device failure (S7-1500; CODESYS assumed).",
-    misfits=_check,
     place=60,
 )

@@ -2,32 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from pnfarm.buses.profinet.faults.second_station import MAC, SecondHost
-from pnfarm.faults.kind import InjectionKind, Misfits, ParamSpec
-from pnfarm.vocabulary.problem import Problem
-from pnfarm.vocabulary.quoting import shown
-
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.injection_fields import InjectionFields
+from pnfarm.faults.kind import InjectionKind, ParamSpec
 
 __all__ = ["KIND"]
 
 #: Shortest time between two announcements, ns.
 _SHORTEST_NS = 10_000_000
-
-
-def _misfits(spec: InjectionFields) -> Misfits:
-    if "every" not in spec.params:
-        return
-    try:
-        every = spec.values()["every"]
-    except Problem:
-        # the parameter's own error is already reported
-        return
-    if every < _SHORTEST_NS:
-        yield "params.every", Problem(f"is {shown(spec.params['every'])}", "a duration of 10ms or more")
 
 
 KIND = InjectionKind(
@@ -38,9 +19,8 @@ KIND = InjectionKind(
     "continues, because cyclic frames need no IP address.",
     "a frame of the second station",
     SecondHost,
-    {"mac": MAC, "every": ParamSpec("duration", "From one announcement to the next.", default="10s")},
+    {"mac": MAC, "every": ParamSpec("duration", "From one announcement to the next.", default="10s", low=_SHORTEST_NS)},
     takes=frozenset({"for"}),
-    misfits=_misfits,
     place=60,
     wire="ARP from two MAC addresses for one IP address: announcements of the second station, two answers to each "
     "request, and the drive's own announcement in defence.",
