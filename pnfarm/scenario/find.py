@@ -95,7 +95,10 @@ def number_of(value: Any) -> float:
     """A value as a number, of a duration its seconds.  Raises :class:`Problem`."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise Problem(f"is {shown(value)}", "a number, or a duration such as 4ms")
-    return read_duration(value) / 1e9 if isinstance(value, str) else float(value)
+    try:
+        return read_duration(value) / 1e9 if isinstance(value, str) else float(value)
+    except OverflowError as error:
+        raise Problem(f"is {shown(value)}", "a number that is not so large") from error
 
 
 def read_range(values: dict[str, Any], most: int) -> list[Any] | None:
@@ -114,9 +117,11 @@ def read_range(values: dict[str, Any], most: int) -> list[Any] | None:
         return None
     if any(isinstance(item, bool) or not isinstance(item, int) for item in numbers) or numbers[2] <= 0:
         return None
-    found = range(numbers[0], numbers[1] + 1, numbers[2])
-    if not 0 < len(found) <= most:
+    begin, end, pace = numbers
+    # not by the length of the range, which fails for what is far too long
+    if not 0 < (end - begin) // pace + 1 <= most:
         return None
+    found = range(begin, end + 1, pace)
     return [format_duration(item) for item in found] if is_time else list(found)
 
 

@@ -96,6 +96,10 @@ STEP = "scenario: x\nsteps:\n"
             "makes 99980001 rounds",
         ),
         (STEP + "  - repeat: {for: {a: {from: 1, to: 99999999999}}, steps: [wait: 1s]}", "allowed: a list such as"),
+        (STEP + "  - repeat: {for: {a: {from: 1, to: " + "9" * 30 + "}}, steps: [wait: 1s]}", "a list such as"),
+        (STEP + "  - repeat: {for: {a: [1, .nan]}, steps: [wait: 1s]}", "for.a: has nan; allowed: finite numbers"),
+        (STEP + "  - repeat: {for: {a: [-.inf]}, steps: [wait: 1s]}", "for.a: has -inf; allowed: finite numbers"),
+        ("scenario: x\nmatrix: {a: [.inf]}\nsteps: [wait: 1s]\n", "matrix.a: has inf; allowed: finite numbers"),
         (STEP + "  - repeat: {times: 99999999999, steps: [wait: 1s]}", "a whole number from 1 to 10000"),
         (STEP + "  - repeat: {times: $n, steps: [wait: 1s]}", "$n has no value"),
         (STEP + "  - expect: {drive: $drive, that: connected}", "$drive has no value"),
@@ -113,6 +117,22 @@ def test_what_is_too_large_too_deep_or_has_no_end_is_refused_at_once(text: str, 
     found = answer(text)
     assert any(sentence in one for one in found), found[:3]
     assert len(found) <= 100
+
+
+@pytest.mark.parametrize(
+    ("value", "sentence"),
+    [(10**400, "for.n: is 1000"), (float("nan"), "for.n: has nan"), (float("inf"), "for.n: has inf")],
+)
+def test_a_variable_that_no_number_can_be_made_of_is_refused_where_it_is_used(value: float, sentence: str) -> None:
+    text = "scenario: x\nvariables: {v: 1}\nsteps:\n"
+    text += "  - find: {for: {n: [$v]}, steps: [{expect: {drive: all, that: connected}}]}\n"
+    with pytest.raises(FarmFileError, match=sentence):
+        parse_scenario(text, variables={"v": value})
+
+
+def test_a_value_given_for_a_matrix_is_checked_as_those_of_the_file() -> None:
+    with pytest.raises(FarmFileError, match=r"matrix\.n: has nan; allowed: finite numbers"):
+        parse_scenario("scenario: x\nmatrix: {n: [1, 2]}\nsteps: [wait: 1s]\n", variables={"n": float("nan")})
 
 
 def test_a_variable_without_a_value_is_the_only_error_of_its_key() -> None:

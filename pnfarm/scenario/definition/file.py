@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 import re
 from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
@@ -201,7 +202,7 @@ class _Reader:
         for key, value in self._given.items():
             if key in matrix:
                 # one value instead of all
-                matrix[key] = [value]
+                matrix[key] = self._list([value], ("matrix", key)) or [""]
             elif key in variables:
                 variables[key] = value
             else:
@@ -464,7 +465,12 @@ class _Reader:
             if (found := read_range(values, MAX_STEPS)) is not None:
                 return found
         elif isinstance(values, list) and values and not any(isinstance(item, (dict, list)) for item in values):
-            return values
+            # a record is JSON, which has no other numbers
+            odd = next((item for item in values if isinstance(item, float) and not math.isfinite(item)), None)
+            if odd is None:
+                return values
+            self.report(place, f"has {odd}", "finite numbers")
+            return []
         self.report(place, f"is {shown(values)}", allowed)
         return []
 
