@@ -28,7 +28,7 @@ from pnfarm.hub.hosts.drives import HubDrives
 from pnfarm.hub.hosts.states import HubStates
 from pnfarm.hub.hub import read, refusal
 from pnfarm.hub.shards import AwayError, understood
-from pnfarm.scenario.definition.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, QUANTILES
+from pnfarm.scenario.definition.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, MEASURES, POWER
 from pnfarm.scenario.flow import EndedError, Flow, Life
 from pnfarm.scenario.measures import measured, reading_of, show_comparison
 from pnfarm.scenario.report.record import Case, Verdict
@@ -239,12 +239,10 @@ class HubRun(Flow):
                 for name in list(self._own) if wanted == "all" else [wanted]:
                     yield from self._end_fault(name)
             case "power":
-                word = next(word for word in ("off", "on", "cycle") if word in step.values)
+                word = step.one_of(POWER)
                 names = self.binding.chosen(step, word)
-                if word in {"off", "cycle"}:
-                    yield from self._await(self._power(names, on=False))
-                if word in {"on", "cycle"}:
-                    yield from self._await(self._power(names, on=True))
+                for on in POWER[word]:
+                    yield from self._await(self._power(names, on=on))
             case "set":
                 written = [self._write(name, values, "value") for name, values in step.values["signals"].items()]
                 yield from self._await(self._each(written))
@@ -462,8 +460,7 @@ class HubRun(Flow):
 
     def _expect_metric(self, step: Step) -> Life:
         begin = self._now
-        metric = step.values["metric"]
-        asked = next(key for key in ("increases", "value", *QUANTILES) if key in step.values)
+        metric, asked = step.values["metric"], step.one_of(MEASURES)
         before = yield from self._read_metric(metric)
         # meanwhile each shard watches its own lateness
         length = max(1_000_000, step.get("for", 0))

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.scenario.definition.steps import (
-    QUANTILES,
+    MEASURES,
     Key,
     MetricName,
     StepKind,
@@ -37,7 +37,6 @@ __all__ = ["FIND", "WAYS", "Measure", "Search", "number_of", "read_range"]
 
 #: Ways to go through the values.
 WAYS = ("first", "bisect", "all")
-_MEASURES = ("increases", "value", *QUANTILES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +59,8 @@ def _way(value: Any) -> str:
 
 
 def _measure(value: Any) -> Measure:
-    allowed = "{metric: NAME, of: " + ", ".join(_MEASURES) + "}"
-    if not isinstance(value, dict) or set(value) != {"metric", "of"} or value["of"] not in _MEASURES:
+    allowed = "{metric: NAME, of: " + ", ".join(MEASURES) + "}"
+    if not isinstance(value, dict) or set(value) != {"metric", "of"} or value["of"] not in MEASURES:
         raise Problem(f"is {shown(value)}", allowed)
     return Measure(read_metric_name(value["metric"]), value["of"])
 

@@ -17,7 +17,7 @@ from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.farm.state.states import SavedStates
 from pnfarm.faults.manager import RunState
 from pnfarm.scenario.controllers import controllers
-from pnfarm.scenario.definition.steps import DEFAULT_WITHIN_NS, QUANTILES
+from pnfarm.scenario.definition.steps import DEFAULT_WITHIN_NS, MEASURES, POWER
 from pnfarm.scenario.flow import EndedError, Flow, Life, Tell
 from pnfarm.scenario.measures import check_metric, measured, read_metric, show_comparison
 from pnfarm.scenario.report.record import Case, Verdict
@@ -104,7 +104,7 @@ class ScenarioRun(Flow):
             if step.kind == "restore":
                 restored.setdefault(step.values["state"], step)
             if "metric" in step.values:
-                self._check_metric(step, "metric", step.values["metric"], _asked(step), checked)
+                self._check_metric(step, "metric", step.values["metric"], step.one_of(MEASURES), checked)
             if "measure" in step.values:
                 measure = step.values["measure"]
                 self._check_metric(step, "measure", measure.metric, measure.asked, checked)
@@ -233,12 +233,10 @@ class ScenarioRun(Flow):
                 for name in list(self._own) if wanted == "all" else [wanted]:
                     self._clear(name)
             case "power":
-                word = next(word for word in ("off", "on", "cycle") if word in step.values)
+                word = step.one_of(POWER)
                 for name in self.binding.chosen(step, word):
-                    if word in {"off", "cycle"}:
-                        self._power(name, on=False)
-                    if word in {"on", "cycle"}:
-                        self._power(name, on=True)
+                    for on in POWER[word]:
+                        self._power(name, on=on)
             case "set":
                 for name, values in step.values["signals"].items():
                     self._set(name, values)
@@ -396,7 +394,7 @@ class ScenarioRun(Flow):
 
     def _expect_metric(self, step: Step) -> Life:
         begin = self._now
-        metric, asked = step.values["metric"], _asked(step)
+        metric, asked = step.values["metric"], step.one_of(MEASURES)
         before = read_metric(self._collector, metric)
         yield from self._sleep(step.get("for", 0))
         value = measured(asked, before, read_metric(self._collector, metric))
@@ -475,10 +473,6 @@ class ScenarioRun(Flow):
         if verdict is not Verdict.PASSED and self._moments is not None:
             self._moments.mark(f"{verdict}: {step.title}", drives, self._now, failure=True)
         self._tell(step, case)
-
-
-def _asked(step: Step) -> str:
-    return next(key for key in ("increases", "value", *QUANTILES) if key in step.values)
 
 
 def _time(ns: int) -> str:

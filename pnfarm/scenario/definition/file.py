@@ -14,7 +14,7 @@ from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.scenario.definition.steps import QUANTILES, STEPS, WHOLE, Step
+from pnfarm.scenario.definition.steps import MEASURES, STEPS, WHOLE, Step
 from pnfarm.scenario.find import FIND, number_of, read_range
 from pnfarm.signals.device_signal import stations_in
 from pnfarm.vocabulary.conditions import ConditionError, parse_condition
@@ -352,11 +352,10 @@ class _Reader:
         return read if len(self._issues) == before else None
 
     def _expectation(self, content: Mapping[str, Any], at: Location) -> None:
-        measures = ("increases", "value", *QUANTILES)
-        given = [key for key in measures if key in content]
+        given = [key for key in MEASURES if key in content]
         if "metric" in content:
             if len(given) != 1:
-                self.report(at, f"has {len(given)} of these", ", ".join(measures))
+                self.report(at, f"has {len(given)} of these", ", ".join(MEASURES))
             elif given != ["value"] and "for" not in content:
                 # in no time nothing is counted: `increases: 0` would hold whatever happens
                 self.report((*at, "for"), "is missing", f"the time over which {given[0]} is measured, such as 10s")

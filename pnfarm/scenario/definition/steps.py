@@ -15,13 +15,15 @@ from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pnfarm.vocabulary.issues import Location
 
 __all__ = [
     "ALL_CONNECTED",
     "DEFAULT_WITHIN_NS",
+    "MEASURES",
+    "POWER",
     "QUANTILES",
     "STEPS",
     "WHOLE",
@@ -41,6 +43,10 @@ ALL_CONNECTED = "all-connected"
 DEFAULT_WITHIN_NS = 30_000_000_000
 #: Keys of an expectation that ask for a quantile of a histogram.
 QUANTILES: Mapping[str, float] = {"p50": 0.5, "p90": 0.9, "p99": 0.99}
+#: What of a metric is measured.
+MEASURES = ("increases", "value", *QUANTILES)
+#: What the step `power` does with its drives: switch them off (False) or on, in turn.
+POWER: Mapping[str, tuple[bool, ...]] = {"off": (False,), "on": (True,), "cycle": (False, True)}
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _BOUND = re.compile(r"(==|!=|<=|>=|<|>)?\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)")
 _METRIC = re.compile(r"(pnfarm_[a-z0-9_]{1,80})(?:\{(.*)\})?")
@@ -230,6 +236,10 @@ class Step:
         """The value of a key, read."""
         return self.values.get(key, default)
 
+    def one_of(self, keys: Iterable[str]) -> str:
+        """Which of these keys it has; empty for none."""
+        return next((key for key in keys if key in self.values), "")
+
     @property
     def watches(self) -> bool:
         """Whether it watches conditions while time passes."""
@@ -246,7 +256,7 @@ class Step:
     def allowed(self) -> str:
         """What an expectation, or a wait for a condition, allows; empty for other steps."""
         values = self.values
-        if (asked := next((key for key in ("increases", "value", *QUANTILES) if key in values), None)) is not None:
+        if asked := self.one_of(MEASURES):
             bound = values[asked]
             over = f" over {format_duration(values['for'])}" if "for" in values else ""
             sign = "" if bound.text.lstrip().startswith(tuple("=!<>")) else "== "
@@ -271,7 +281,7 @@ class Step:
             case "clear":
                 return f"clear {values['fault']}"
             case "expect" if "metric" in values:
-                asked = next(key for key in ("increases", "value", *QUANTILES) if key in values)
+                asked = self.one_of(MEASURES)
                 return f"{values['metric'].name} {asked} {values[asked].text}"
             case "expect":
                 return f"{drives}: {values['that']}" if drives else str(values["that"])
@@ -282,7 +292,7 @@ class Step:
             case "load":
                 return f"load {values['drives']:+d} drives" if "drives" in values else f"load {values['total']} drives"
             case "power":
-                word = next(word for word in ("on", "off", "cycle") if word in values)
+                word = self.one_of(POWER)
                 return f"power {word} {' '.join(values[word])}"
             case "release":
                 return f"release {', '.join(values['signals'])}"
@@ -375,8 +385,8 @@ STEPS: Mapping[str, StepKind] = {
     ),
     "power": StepKind(
         "Switch drives off, on, or off and on.",
-        {word: _drives_key(f"Drives to switch {word}") for word in ("off", "on", "cycle")},
-        one_of=("off", "on", "cycle"),
+        {word: _drives_key(f"Drives to switch {word}") for word in POWER},
+        one_of=tuple(POWER),
         example="power: {off: axis-01}",
     ),
     "set": StepKind(
