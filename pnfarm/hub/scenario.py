@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import math
 from contextlib import suppress
 from itertools import pairwise
 from types import SimpleNamespace
@@ -31,7 +30,7 @@ from pnfarm.hub.shards import AwayError, understood
 from pnfarm.scenario.definition.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, MEASURES, POWER
 from pnfarm.scenario.flow import EndedError, Flow, Life
 from pnfarm.scenario.measures import measured, reading_of, show_comparison
-from pnfarm.scenario.report.record import Case, Verdict
+from pnfarm.scenario.report.record import Verdict, worst
 from pnfarm.signals.device_signal import note_forces, releases
 from pnfarm.station import events
 from pnfarm.station.event import texts_of
@@ -61,7 +60,6 @@ AT_ONCE = 16
 LOOK_NS = 1_000_000_000
 
 _T = TypeVar("_T")
-_WORST = (Verdict.ERROR, Verdict.FAILED, Verdict.INCONCLUSIVE, Verdict.PASSED)
 #: Events of the timeline, with what buses make of them.
 _TOLD = (
     events.StateChanged, events.FaultRaised, events.FaultsCleared, events.WarningChanged, events.PowerLost,
@@ -410,7 +408,7 @@ class HubRun(Flow):
         cases = [case for one in records for case in one["cases"]]
         lost = [one for one in records if one["verdict"] == "lost"]
         verdicts = {case["verdict"] for case in cases} | ({Verdict.INCONCLUSIVE} if lost else set())
-        verdict = next((one for one in _WORST if one in verdicts), Verdict.INCONCLUSIVE)
+        verdict = worst(verdicts) if verdicts else Verdict.INCONCLUSIVE
         told = [case for case in cases if case["verdict"] is verdict]
         if verdict is Verdict.PASSED:
             # the slowest one decides
@@ -481,18 +479,6 @@ class HubRun(Flow):
         self._case(step, verdict, begin, message, value=value, measured=shown)
 
     # -- the end
-
-    def _case(self, step: Step, verdict: Verdict, begin: int, message: str, **values: Any) -> None:
-        if step.part == "trial" and verdict is not Verdict.ERROR and step.kind == "expect":
-            self._outcomes[id(step)] = verdict, f"{step.title}: {message}"
-            return
-        value = values.pop("value", None)
-        shown = None if value is None or math.isnan(value) else value
-        case = Case(self._numbers[id(step)], step, verdict, begin, self._now, message=message, value=shown)
-        for key, one in values.items():
-            setattr(case, key, one)
-        self.record.add(case)
-        self._tell(step, case)
 
     def _finish(self, why: str, *, broken: bool = False) -> None:
         if self._ending is None:

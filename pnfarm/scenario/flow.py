@@ -59,16 +59,12 @@ class Flow(ABC):
         #: When the present step is over at the latest.
         self.due_ns = begin
         self._life = self._sequence(binding.scenario.steps)
-        self._begun = 0
+        #: Steps that began, for progress.
+        self.steps_begun = 0
         #: The step that began last.
         self.step = ""
         #: Begin and end of the `wait` for a time that ended last.
         self._rest = begin, begin - 1
-
-    @property
-    def steps_begun(self) -> int:
-        """Steps that began, for progress."""
-        return self._begun
 
     def advance(self, now: int) -> int:
         """Do what is due; when to call again at the latest."""
@@ -165,20 +161,26 @@ class Flow(ABC):
     def _end_fault(self, name: str) -> Life:
         """End a fault of a trial, unless it has ended."""
 
-    @abstractmethod
-    def _case(self, step: Step, verdict: Verdict, begin: int, message: str, **values: Any) -> None:
-        """A step has its verdict."""
-
     @property
     def _told_late(self) -> str:
         """How late the farm itself was, in words."""
         return "late"
 
+    def _case(self, step: Step, verdict: Verdict, begin: int, message: str, **values: Any) -> Case | None:
+        """A step has its verdict: a case with these values, or None for what decides a trial."""
+        if step.part == "trial" and verdict is not Verdict.ERROR and step.kind == "expect":
+            self._outcomes[id(step)] = verdict, f"{step.title}: {message}"
+            return None
+        case = Case(self._numbers[id(step)], step, verdict, begin, self._now, message=message, **values)
+        self.record.add(case)
+        self._tell(step, case)
+        return case
+
     # -- the course
 
     def _sequence(self, steps: tuple[Step, ...]) -> Life:
         for step in steps:
-            self._begun += 1
+            self.steps_begun += 1
             self.step = step.title
             self._tell(step, None)
             self.record.step(step, self._now)

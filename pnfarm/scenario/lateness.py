@@ -78,7 +78,8 @@ class FarmLateness:
         self._last_budget_ns = self.budget_ns
         self._by_ratio = _Largest(attrgetter("ratio"))
         self._by_size = _Largest(attrgetter("own.worst_ns"))
-        self._told = ""
+        #: The lateness that :meth:`was_late` found and the parts of it, for a message.
+        self.told = ""
 
     def step(self, now: int) -> None:
         """A step begins: what is found from now on is of it."""
@@ -113,7 +114,7 @@ class FarmLateness:
             "time stolen by other programs or the host": found.stolen_ns,
         }
         said = ", ".join(f"{name} {_rounded(ns)}" for name, ns in parts.items() if ns > 0)
-        self._told = f"{_rounded(found.worst_ns)} late, and may be {_rounded(found.budget_ns)} ({said})"
+        self.told = f"{_rounded(found.worst_ns)} late, and may be {_rounded(found.budget_ns)} ({said})"
         return True
 
     def is_unseen(self, gap_ns: int, before_end_ns: int) -> bool:
@@ -143,11 +144,6 @@ class FarmLateness:
             self._known_ns = farm_budget_ns(self._core, idle_ns=self._known_ns)
             return self._known_ns
         return self._given_ns
-
-    @property
-    def told(self) -> str:
-        """The lateness that :meth:`was_late` found and the parts of it, for a message."""
-        return self._told
 
     def report(self, now: int) -> Mapping[str, Any]:
         """The farm's health over the run: where it was latest by its budget."""

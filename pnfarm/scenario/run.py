@@ -446,33 +446,18 @@ class ScenarioRun(Flow):
         measured = "; ".join(f"{name}: {as_text(shown[name])}" for name in drives[:MOST_MEASURED] if name in shown)
         self._case(step, verdict, begin, message, watch=watch, measured=measured, drives=drives)
 
-    def _case(  # type: ignore[override]  # with the keywords that it takes
-        self,
-        step: Step,
-        verdict: Verdict,
-        begin: int,
-        message: str,
-        *,
-        watch: Watch | None = None,
-        value: float | None = None,
-        measured: str = "",
-        drives: Sequence[str] = (),
-    ) -> None:
-        if step.part == "trial" and verdict is not Verdict.ERROR and step.kind == "expect":
-            self._outcomes[id(step)] = verdict, f"{step.title}: {message}"
-            return
-        number = self._numbers[id(step)]
-        case = Case(number, step, verdict, begin, self._now, message=message, value=value, measured=measured)
+    def _case(
+        self, step: Step, verdict: Verdict, begin: int, message: str, *, watch: Watch | None = None, **values: Any
+    ) -> Case | None:
         if watch is not None:
-            case.values, case.shown = watch.values(), watch.shown()
-            case.took = {name: when - begin for name, when in watch.held_ns.items()}
-        case.drives = list(drives)
+            took = {name: when - begin for name, when in watch.held_ns.items()}
+            values |= {"values": watch.values(), "shown": watch.shown(), "took": took}
         if self._lateness is not None:
-            case.late_ns = self._lateness.worst_ns(begin, self._now)
-        self.record.add(case)
-        if verdict is not Verdict.PASSED and self._moments is not None:
-            self._moments.mark(f"{verdict}: {step.title}", drives, self._now, failure=True)
-        self._tell(step, case)
+            values["late_ns"] = self._lateness.worst_ns(begin, self._now)
+        case = super()._case(step, verdict, begin, message, **values)
+        if case is not None and verdict is not Verdict.PASSED and self._moments is not None:
+            self._moments.mark(f"{verdict}: {step.title}", case.drives, self._now, failure=True)
+        return case
 
 
 def _time(ns: int) -> str:

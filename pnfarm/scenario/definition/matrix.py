@@ -4,24 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.scenario.report.record import Case, Record, Verdict
+from pnfarm.scenario.report.record import Case, Record, Verdict, worst
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from pnfarm.scenario.definition.binding import Binding
     from pnfarm.scenario.definition.file import Scenario
 
-__all__ = ["not_begun", "runs_of", "together", "worst"]
-
-#: The first one that a run has decides.
-_ORDER = (Verdict.ERROR, Verdict.FAILED, Verdict.INCONCLUSIVE)
-
-
-def worst(verdicts: Iterable[str]) -> Verdict:
-    """The verdict over several runs: an error, then a failure, then an inconclusive one decides."""
-    found = set(verdicts)
-    return next((verdict for verdict in _ORDER if verdict in found), Verdict.PASSED)
+__all__ = ["not_begun", "runs_of", "together"]
 
 
 def not_begun(binding: Binding, farm: str, why: str, *, broken: bool = False) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from pnfarm.vocabulary.durations import format_measured
 from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from pnfarm.faults.manager import Injection
     from pnfarm.scenario.definition.file import Scenario
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pnfarm.scenario.report.trace_excerpts import Excerpt
     from pnfarm.station.event_log import LogEntry
 
-__all__ = ["EXIT_CODES", "Case", "Record", "Verdict"]
+__all__ = ["EXIT_CODES", "Case", "Record", "Verdict", "worst"]
 
 #: Most entries of the timeline: the first half of them, and the last half; those between are counted only.
 MAX_TIMELINE = 20_000
@@ -55,6 +55,16 @@ EXIT_CODES: Mapping[Verdict, int] = {
     Verdict.INCONCLUSIVE: 3,
     Verdict.ERROR: 2,
 }
+
+
+#: The first one that there is decides.
+_ORDER = (Verdict.ERROR, Verdict.FAILED, Verdict.INCONCLUSIVE)
+
+
+def worst(verdicts: Iterable[str]) -> Verdict:
+    """The verdict over several cases or runs: an error, then a failure, then an inconclusive one decides."""
+    found = set(verdicts)
+    return next((verdict for verdict in _ORDER if verdict in found), Verdict.PASSED)
 
 
 @dataclass(slots=True)
@@ -137,14 +147,10 @@ class Record:
     @property
     def verdict(self) -> Verdict:
         """An error, then a failure, then an inconclusive case decides; a run that was cut short did not pass."""
-        found = {case.verdict for case in self.cases}
         if self._broken:
             return Verdict.ERROR
-        order = (Verdict.ERROR, Verdict.FAILED, Verdict.INCONCLUSIVE)
-        decided = next((verdict for verdict in order if verdict in found), None)
-        if decided is None and self._why:
-            return Verdict.INCONCLUSIVE
-        return decided or Verdict.PASSED
+        found = worst(case.verdict for case in self.cases)
+        return Verdict.INCONCLUSIVE if found is Verdict.PASSED and self._why else found
 
     def add(self, case: Case) -> None:
         """A case has its verdict."""
