@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import EnvironmentError_, PnfarmError, RemoteError
@@ -67,7 +68,8 @@ class _Remote:
         except PnfarmError as error:
             return self._broken(begun, known, cases, error)
         except BaseException:
-            self._farm.delete("scenarios", begun["id"])
+            with suppress(PnfarmError):
+                self._farm.delete("scenarios", begun["id"])
             raise
 
     def _begin(self) -> dict[str, Any]:

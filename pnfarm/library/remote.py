@@ -183,7 +183,7 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
                     return ScenarioResult(await self.ask(self._client.get, "scenarios", begun["id"]))
                 await anyio.sleep(ASK_SECONDS)
         except BaseException:
-            with anyio.CancelScope(shield=True):
+            with anyio.CancelScope(shield=True), suppress(PnfarmError):
                 await self.ask(self._client.delete, "scenarios", begun["id"])
             raise
 

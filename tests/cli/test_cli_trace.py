@@ -12,6 +12,7 @@ from device_cell import DRIVES, ONE, Cell
 from virtual_line import VirtualLine
 
 from pnfarm.api import make_app
+from pnfarm.errors import EnvironmentError_
 
 
 class Farm(api_client.Farm):
@@ -147,3 +148,16 @@ def test_ctrl_c_deletes_the_trace(farm, pnfarm):
     done = pnfarm("trace", "all", "-s", "velocity", "--trigger", "fault")
     assert done.code == 130
     assert farm.line.farm.traces.kept() == []
+
+
+@pytest.mark.parametrize(("trigger", "code"), [("now", 0), ("fault", 1)])
+def test_a_farm_that_is_gone_before_the_trace_is_deleted_costs_neither_recording_nor_reason(
+    farm, pnfarm, monkeypatch, trigger, code
+):
+    def gone(*_: object) -> None:
+        raise EnvironmentError_("no farm answers any more")
+
+    monkeypatch.setattr("pnfarm.terminal.client.FarmClient.delete", gone)
+    done = pnfarm("trace", "all", "-s", "velocity", "--trigger", trigger, "--length", "10ms", "--within", "3s")
+    assert done.code == code
+    assert ("samples" in done.out) if code == 0 else ("was not triggered within 3 s" in " ".join(done.err.split()))

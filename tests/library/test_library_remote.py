@@ -150,3 +150,36 @@ def test_what_a_cancelled_request_has_begun_is_ended(what: str, by: str) -> None
 
     asyncio.run(cancelled_while_it_is_asked())
     assert client.deleted == [(what, f"{what}-1")]
+
+
+class ClosedClient(SlowClient):
+    """Begins a scenario, and is not reached any more."""
+
+    def get(self, *_: str, **__: object) -> dict[str, object]:
+        self.asked.set()
+        self.released.wait(10)
+        raise EnvironmentError_("the first question is not answered")
+
+    def delete(self, *path: str) -> None:
+        self.deleted.append(path)
+        raise EnvironmentError_("the farm cannot be reached to clean up")
+
+
+def test_a_lost_farm_hides_neither_a_cancellation_nor_the_first_error() -> None:
+    client = ClosedClient()
+    client.post = lambda *_, **__: {"id": "scenario-1"}
+    farm = pnfarm.Farm.connect("http://127.0.0.1:1")
+    farm._client = client
+
+    async def cancelled() -> None:
+        task = asyncio.ensure_future(farm.run_text("scenario: x"))
+        await asyncio.to_thread(client.asked.wait, 10)
+        task.cancel()
+        await asyncio.wait([task], timeout=10)
+        client.released.set()
+        assert task.cancelled()
+
+    asyncio.run(cancelled())
+    with pytest.raises(EnvironmentError_, match="the first question"):
+        asyncio.run(farm.run_text("scenario: x"))
+    assert client.deleted == [("scenarios", "scenario-1")] * 2

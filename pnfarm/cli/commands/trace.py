@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.errors import ConfigError, RemoteError
+from pnfarm.errors import ConfigError, PnfarmError, RemoteError
 from pnfarm.terminal import client
 from pnfarm.terminal.output import print_found, print_json, print_line, print_table
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TlsCaOption, TokenOption
@@ -141,7 +142,9 @@ def _recorded(farm: client.FarmClient, body: dict[str, Any], most: float | None)
             time.sleep(ASK_SECONDS)
         return Recording.from_dict(farm.get("traces", trace_id))
     finally:
-        farm.delete("traces", trace_id)
+        # a farm that is gone by now costs neither the recording nor the first error
+        with suppress(PnfarmError):
+            farm.delete("traces", trace_id)
 
 
 def _list(farm: client.FarmClient, drives: list[str], output: Format) -> None:
