@@ -248,6 +248,18 @@ class Hub(Context):
 
         return await self.each(self.shards, one)
 
+    async def joined(
+        self, what: str, use: Callable[[Shard, dict[str, Any]], dict[str, Any]], *, path: str = ""
+    ) -> dict[str, Any]:
+        """The lists of all shards as one: the member ``what`` of the answers to a ``path``, usually of the same name.
+
+        ``use`` makes the hub's entry of a shard's.
+        """
+        answers = await self.ask_all(
+            "GET", path or what, lambda shard, answer: [use(shard, one) for one in answer[what]]
+        )
+        return {what: [one for entries in answers.good.values() for one in entries], **self.partial(answers)}
+
     def partial(self, answers: Answers[Any]) -> dict[str, Any]:
         """The members of an answer that say whose part is missing; raises AwayError if no shard's is there."""
         self.check_any()

@@ -20,8 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.hub.hub import Hub
+    from pnfarm.hub.shards import Shard
 
 __all__ = ["HubDevices"]
+
+
+def _entry(shard: Shard, one: dict[str, Any]) -> dict[str, Any]:
+    return {**with_fault_ids(shard, one), "shard": shard.label}
 
 
 class HubDevices(Passing):
@@ -31,19 +36,10 @@ class HubDevices(Passing):
         super().__init__(hub, "devices/{name}", hub.shards.device_owner)
 
     async def stations(self) -> dict[str, Any]:
-        return await self._joined("stations")
+        return await self._hub.joined("stations", _entry)
 
     async def devices(self) -> dict[str, Any]:
-        return await self._joined("devices")
-
-    async def _joined(self, what: str) -> dict[str, Any]:
-        answers = await self._hub.ask_all(
-            "GET",
-            what,
-            lambda shard, answer: [{**with_fault_ids(shard, one), "shard": shard.label} for one in answer[what]],
-        )
-        found = [one for stations in answers.good.values() for one in stations]
-        return {what: found, **self._hub.partial(answers)}
+        return await self._hub.joined("devices", _entry)
 
     def add_device(self, app: FastAPI) -> None:
         """What is below a device."""

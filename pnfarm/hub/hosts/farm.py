@@ -70,14 +70,10 @@ class HubItself:
         }
 
     async def doctor(self) -> dict[str, Any]:
-        answers = await self._hub.ask_all(
-            "GET",
-            "doctor",
-            lambda shard, answer: [{**one, "name": f"{shard.label}: {one['name']}"} for one in answer["findings"]],
+        found = await self._hub.joined(
+            "findings", lambda shard, one: {**one, "name": f"{shard.label}: {one['name']}"}, path="doctor"
         )
-        partial = self._hub.partial(answers)
-        found = [one for findings in answers.good.values() for one in findings]
-        found += [
+        found["findings"] += [
             {
                 "name": f"{one['shard']}: answers",
                 "ok": False,
@@ -86,19 +82,14 @@ class HubItself:
                 "line": 0,
                 "keeps_red": False,
             }
-            for one in partial["unreachable"]
+            for one in found["unreachable"]
         ]
-        return {"findings": found, **partial}
+        return found
 
     async def reactions(self) -> dict[str, Any]:
-        answers = await self._hub.ask_all(
-            "GET",
-            "reactions",
-            lambda _, answer: [{**one, "seconds_ago": float(one["seconds_ago"])} for one in answer["reactions"]],
-        )
-        partial = self._hub.partial(answers)
-        found = [one for reactions in answers.good.values() for one in reactions]
-        return {"reactions": sorted(found, key=lambda one: one["seconds_ago"]), **partial}
+        found = await self._hub.joined("reactions", lambda _, one: {**one, "seconds_ago": float(one["seconds_ago"])})
+        found["reactions"].sort(key=lambda one: one["seconds_ago"])
+        return found
 
     async def readiness(self) -> dict[str, Any]:
         answers = await self._hub.ask_all("GET", "readiness", _with_readiness)

@@ -27,11 +27,7 @@ class HubStates:
         self._hub = hub
 
     async def kept(self) -> dict[str, Any]:
-        answers = await self._hub.ask_all(
-            "GET", "states", lambda shard, answer: [{**one, "shard": shard.label} for one in answer["states"]]
-        )
-        found = [one for states in answers.good.values() for one in states]
-        return {"states": found, **self._hub.partial(answers)}
+        return await self._hub.joined("states", lambda shard, one: {**one, "shard": shard.label})
 
     async def save(self, name: str) -> dict[str, Any]:
         return await self._all("PUT", name, "")

@@ -83,9 +83,7 @@ class HubTraces:
         return found[0]
 
     async def kept(self) -> dict[str, Any]:
-        answers = await self._hub.ask_all("GET", "traces", lambda _, answer: [{**one} for one in answer["traces"]])
-        found = [one for traces in answers.good.values() for one in traces]
-        return {"traces": found, **self._hub.partial(answers)}
+        return await self._hub.joined("traces", lambda _, one: {**one})
 
     async def start(self, fields: Mapping[str, Any]) -> dict[str, Any]:
         wanted = TraceRequest.parse(fields, keep_ns=KEEP_NS)
