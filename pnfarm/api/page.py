@@ -13,14 +13,15 @@ from dataclasses import dataclass
 from functools import cache
 from http import HTTPStatus
 from importlib import resources
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from fastapi import Header
+from starlette.requests import Request  # noqa: TC002 - FastAPI reads the annotations
 from starlette.responses import Response
 
 from pnfarm.web.errors import NotFoundError
 from pnfarm.web.paths import ROLE_KEY
 from pnfarm.web.roles import Role
+from pnfarm.web.tags import is_known
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -92,10 +93,9 @@ def policy() -> str:
     )
 
 
-def _answer(file: PageFile, known: str | None, headers: Mapping[str, str] | None = None) -> Response:
-    """``known``: tags of the copies that the browser has."""
+def _answer(request: Request, file: PageFile, headers: Mapping[str, str] | None = None) -> Response:
     sent = {**_HEADERS, "ETag": file.tag, **(headers or {})}
-    if known is not None and file.tag in known:
+    if is_known(request, file.tag):
         return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=sent)
     return Response(file.content, media_type=file.media_type, headers=sent)
 
@@ -106,12 +106,12 @@ def add_page(app: FastAPI) -> None:
     reads = {ROLE_KEY: Role.READ.value}
 
     @app.get("/", include_in_schema=False, openapi_extra=reads)
-    async def page(if_none_match: Annotated[str | None, Header()] = None) -> Response:
-        return _answer(page_files()[INDEX], if_none_match, {"Content-Security-Policy": policy()})
+    async def page(request: Request) -> Response:
+        return _answer(request, page_files()[INDEX], {"Content-Security-Policy": policy()})
 
     @app.get(ASSETS + "{path:path}", include_in_schema=False, openapi_extra=reads)
-    async def asset(path: str, if_none_match: Annotated[str | None, Header()] = None) -> Response:
+    async def asset(request: Request, path: str) -> Response:
         file = page_files().get(path)
         if file is None or path == INDEX:
             raise NotFoundError(f"the page has no file {path[:100]!r}")
-        return _answer(file, if_none_match)
+        return _answer(request, file)

@@ -21,6 +21,7 @@ from starlette.responses import RedirectResponse
 
 from pnfarm.api.access.keys import Keys
 from pnfarm.api.access.login import login_page, typed_token
+from pnfarm.api.access.throttle import refuse
 from pnfarm.api.problems import problem
 from pnfarm.config.values import is_loopback
 from pnfarm.web.roles import Role
@@ -214,8 +215,7 @@ def _challenge(error: str = "") -> dict[str, str]:
 
 async def _busy(request: Request, send: Send) -> None:
     sentence = f"{MOST_STRANGERS} requests without a token are being answered; try again"
-    busy = problem(HTTPStatus.SERVICE_UNAVAILABLE, sentence, request, headers={"Retry-After": "1"})
-    await busy(request.scope, request.receive, send)
+    await refuse(request.scope, request.receive, send, sentence)
 
 
 def _judge_host(request: Request) -> Response | None:
