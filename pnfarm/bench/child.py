@@ -25,7 +25,7 @@ from pnfarm.links.serial.eager_loop import LOOKING
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
 
-def _cpu() -> float:
+def cpu_seconds() -> float:
     usage = resource.getrusage(resource.RUSAGE_SELF)
     return usage.ru_utime + usage.ru_stime
 
@@ -45,7 +45,7 @@ def _rss() -> int:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def _answer(answer: dict[str, Any]) -> None:
+def say(answer: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(answer) + "\n")
     sys.stdout.flush()
 
@@ -57,7 +57,7 @@ def _counters(core: Any) -> dict[str, Any]:
         "expirations": int(core.columns.cpm.expirations.sum()),
         "overruns": int(engine.overruns),
         "lateness": [int(n) for n in engine.lateness],
-        "cpu": _cpu(),
+        "cpu": cpu_seconds(),
         # of the event loop alone: it runs the commands
         "loop_cpu": time.thread_time(),
         "plant_cpu": _plant_cpu(),
@@ -117,21 +117,21 @@ async def _commands(core: Any, stations: int, connected: Any) -> None:
     while line := await anyio.to_thread.run_sync(sys.stdin.readline):
         word, _, argument = line.strip().partition(" ")
         if word == "connected":
-            _answer({"connected": await connected(float(argument))})
+            say({"connected": await connected(float(argument))})
         elif word == "running":
-            _answer({"running": await _running(core, float(argument))})
+            say({"running": await _running(core, float(argument))})
         elif word == "settled":
-            _answer(await _settled(core, stations, float(argument)))
+            say(await _settled(core, stations, float(argument)))
         elif word == "measure":
             before = _counters(core)
             await anyio.sleep(float(argument))
-            _answer(difference(before, _counters(core)))
+            say(difference(before, _counters(core)))
         elif word == "mark":
-            _answer(_counters(core))
+            say(_counters(core))
         elif word == "punctuality":
-            _answer(_punctuality(core))
+            say(_punctuality(core))
         elif word == "rss":
-            _answer({"rss": _rss()})
+            say({"rss": _rss()})
         else:
             return
 
@@ -148,7 +148,7 @@ async def _farm(settings: dict[str, Any]) -> None:
 
             await tasks.start(serve_farm, farm)
         keep_what_is_loaded()
-        _answer({"up": True, **_counters(farm.core)})
+        say({"up": True, **_counters(farm.core)})
 
         async def connected(seconds: float) -> bool:
             with anyio.move_on_after(seconds):
@@ -171,15 +171,15 @@ async def _plc(settings: dict[str, Any]) -> None:
     if not settings.get("hold"):
         async with plc:
             keep_what_is_loaded()
-            _answer({"up": True})
+            say({"up": True})
             await _commands(plc.core, len(plc.core.snapshot()), plc.wait_connected)
         return
-    _answer({"up": True})
+    say({"up": True})
     seconds = float(sys.stdin.readline().split()[1])
-    before = _cpu()
+    before = cpu_seconds()
     async with plc:
         connected = await plc.wait_connected(seconds)
-        _answer({"connected": connected, "cpu": _cpu() - before})
+        say({"connected": connected, "cpu": cpu_seconds() - before})
         await _commands(plc.core, len(plc.core.snapshot()), plc.wait_connected)
 
 
@@ -212,23 +212,23 @@ def _floor(settings: dict[str, Any]) -> None:
         first = threading.Thread(target=run, args=(0.001,))
         first.start()
         first.join()
-        _answer({"up": True})
+        say({"up": True})
         while line := sys.stdin.readline():
             word, _, argument = line.strip().partition(" ")
             if word != "measure":
                 return
             vectors.counts[:] = 0
             vectors.lateness[:] = 0
-            before, start = _cpu(), time.monotonic()
+            before, start = cpu_seconds(), time.monotonic()
             # in a thread of its own, as the engine runs
             thread = threading.Thread(target=run, args=(float(argument),))
             thread.start()
             thread.join()
-            _answer(
+            say(
                 {
                     "frames": int(vectors.counts[:2].sum()),
                     "lateness": [int(n) for n in vectors.lateness],
-                    "cpu": _cpu() - before,
+                    "cpu": cpu_seconds() - before,
                     "wall": time.monotonic() - start,
                 }
             )
@@ -249,7 +249,7 @@ def _leave(interface: str) -> None:
 
     if ctypes.CDLL(None, use_errno=True).unshare(0x40000000):  # CLONE_NEWNET
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
-    _answer({"pid": os.getpid()})
+    say({"pid": os.getpid()})
     sys.stdin.readline()
     subprocess.run(["ip", "link", "set", interface, "up"], check=True)
 

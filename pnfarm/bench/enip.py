@@ -64,8 +64,9 @@ def _ends(drives: int) -> AbstractContextManager[tuple[Child, Child]]:
     return both_ends(drives, _file(drives, FARM_CPU), _file(drives, PEER_CPU))
 
 
-def cyclic_packet(octets: int = 66) -> bytes:
-    """A class 1 packet of a connection of this size, from the EtherType on; its addresses are no station's."""
+def cyclic_packet() -> bytes:
+    """A class 1 packet of a drive's connection, from the EtherType on; its addresses are no station's."""
+    octets = 66
     data = struct.pack("<HHHIIHH", 2, 0x8002, 8, 1, 1, 0xB1, octets) + bytes(octets)
     udp = struct.pack("!HHHH", 2222, 2222, 8 + len(data), 0) + data
     addresses = bytes((10, 65, 0, 1, 10, 65, 0, 2))
@@ -88,14 +89,9 @@ class _Production:
 
 def _exchanged(farm: Child, plc: Child, seconds: float, load: Load) -> tuple[Windows, _Production]:
     """The farm's cores meanwhile, and how punctual it was."""
-
-    def punctuality(child: Child) -> dict[str, Any]:
-        child.ask("punctuality")
-        return child.answer()
-
-    skipped, before = punctuality(farm)["skipped"], punctuality(plc)
+    skipped, before = farm.told("punctuality")["skipped"], plc.told("punctuality")
     ours, _ = measure(farm, plc, seconds, load)
-    after, skipped = punctuality(plc), punctuality(farm)["skipped"] - skipped
+    after, skipped = plc.told("punctuality"), farm.told("punctuality")["skipped"] - skipped
     took = [b - a for a, b in zip(before["interval_ns"], after["interval_ns"], strict=True)]
     intervals = sum(after["intervals"]) - sum(before["intervals"])
     moved = [(one + RPI_NS // 2) % RPI_NS - RPI_NS // 2 for one in took if one]

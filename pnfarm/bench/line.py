@@ -28,6 +28,7 @@ __all__ = [
     "PEER",
     "PEER_CPU",
     "Child",
+    "begun",
     "both_ends",
     "cores",
     "expirations",
@@ -94,11 +95,11 @@ def farm_file(
 
 
 class Child:
-    """A process of :mod:`pnfarm.bench.child`."""
+    """A process of :mod:`pnfarm.bench.child`, or of another module that is driven alike."""
 
-    def __init__(self, role: str, cpu: int, **settings: Any) -> None:
+    def __init__(self, role: str, cpu: int, *, module: str = "pnfarm.bench.child", **settings: Any) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "pnfarm.bench.child", role],
+            [sys.executable, "-m", module, role],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -127,6 +128,11 @@ class Child:
         answer: dict[str, Any] = json.loads(line)
         return answer
 
+    def told(self, command: str) -> dict[str, Any]:
+        """The answer to a command."""
+        self.ask(command)
+        return self.answer()
+
     def close(self) -> None:
         if self._process.stdin is not None:
             self._process.stdin.close()
@@ -137,6 +143,14 @@ class Child:
             self._process.wait()
         if self._process.stdout is not None:
             self._process.stdout.close()
+
+
+def begun(stack: ExitStack, role: str, cpu: int, **settings: Any) -> Child:
+    """A process that answers already; it ends with the stack."""
+    child = Child(role, cpu, **settings)
+    stack.callback(child.close)
+    child.answer()
+    return child
 
 
 @contextmanager
@@ -166,18 +180,12 @@ def farm_and_plc(
 def both_ends(count: int, ours: str, theirs: str) -> Iterator[tuple[Child, Child]]:
     """A farm and its controller, by the farm file of each, connected."""
     with wire(), ExitStack() as stack:
-        farm = Child("farm", FARM_CPU, file=ours)
-        stack.callback(farm.close)
-        farm.answer()
-        plc = Child("plc", PEER_CPU, file=theirs, interface_from_outside=PEER)
-        stack.callback(plc.close)
-        plc.answer()
-        plc.ask("connected 120")
-        if not plc.answer()["connected"]:
+        farm = begun(stack, "farm", FARM_CPU, file=ours)
+        plc = begun(stack, "plc", PEER_CPU, file=theirs, interface_from_outside=PEER)
+        if not plc.told("connected 120")["connected"]:
             raise InternalError(f"{count} stations did not connect within 120 s")
         # let the start-up (DCP, ARP, records, neighbours) finish before measuring
-        farm.ask(f"settled {SETTLED_SECONDS}")
-        farm.answer()
+        farm.told(f"settled {SETTLED_SECONDS}")
         yield farm, plc
 
 
@@ -210,8 +218,7 @@ def memory_per_station(
     for count in (few, many):
         # the watch lasts as long as the question: others' work does not change what is resident
         with ends(count) as (farm, _), load:
-            farm.ask("rss")
-            sizes[count] = farm.answer()["rss"]
+            sizes[count] = farm.told("rss")["rss"]
     return float(sizes[many] - sizes[few]) / (many - few) / 1000
 
 
@@ -266,12 +273,8 @@ def floor_ends(
         ours = [(out, mac.hex(), peer_mac.hex()) for out, mac in zip(exits, macs, strict=True)]
         # an interface keeps its index when it moves into an empty namespace
         theirs = [(index[far], peer_mac.hex(), mac.hex()) for mac in macs]
-        farm = Child("floor", FARM_CPU, addresses=ours, interface="", **common)
-        stack.callback(farm.close)
-        farm.answer()
-        peer = Child("floor", PEER_CPU, addresses=theirs, interface=far, interface_from_outside=far, **common)
-        stack.callback(peer.close)
-        peer.answer()
+        farm = begun(stack, "floor", FARM_CPU, addresses=ours, interface="", **common)
+        peer = begun(stack, "floor", PEER_CPU, addresses=theirs, interface=far, interface_from_outside=far, **common)
         yield farm, peer
 
 

@@ -63,8 +63,7 @@ class _Viewer:
 
 
 def _memory(farm: Child) -> int:
-    farm.ask("rss")
-    return int(farm.answer()["rss"])
+    return int(farm.told("rss")["rss"])
 
 
 def page_1000(seconds: float, load: Load) -> list[Result]:

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import select
-import subprocess
 import sys
 import tempfile
 import termios
@@ -22,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.bench.child import difference
-from pnfarm.bench.line import FARM_CPU, PEER_CPU, Child, cores
+from pnfarm.bench.child import cpu_seconds, difference, say
+from pnfarm.bench.line import FARM_CPU, PEER_CPU, begun, cores
 from pnfarm.bench.result import WINDOWS, Result, Windows
 from pnfarm.errors import InternalError
 
@@ -127,7 +125,7 @@ def _poll(settings: dict[str, Any]) -> None:
     octets = answer + 9
     bits = (len(polls[0][0]) + octets) * OCTET_BITS + LEAST_TSDR_BITS + SYN_BITS
     slot_ns = bits * 1_000_000_000 // BAUD
-    _say({"ready": True})
+    say({"ready": True})
     while sys.stdin.readline():
         times: list[int] = []
         missed = repeated = 0
@@ -151,14 +149,14 @@ def _poll(settings: dict[str, Any]) -> None:
         p50, p99 = times[len(times) // 2] / 1000, times[len(times) * 99 // 100] / 1000
         cycle = {"cycle_ms": took / cycles / 1e6, "bus_cycle_ms": slot_ns * DRIVES / 1e6}
         counts = {"polls": cycles * len(addresses), "repeated": repeated, "missed": missed}
-        _say({"p50": p50, "p99": p99, **cycle, **counts})
+        say({"p50": p50, "p99": p99, **cycle, **counts})
 
 
 def _echo(settings: dict[str, Any]) -> None:
     near, far = os.openpty()
     tty.setraw(far)
     Path(settings["path"]).symlink_to(os.ttyname(far))
-    _say({"ready": True})
+    say({"ready": True})
     answer = _telegram(MASTER, 0x08, bytes(settings["answer"]))
     poller = select.poll()
     poller.register(near, select.POLLIN)
@@ -169,46 +167,9 @@ def _echo(settings: dict[str, Any]) -> None:
                 os.read(near, 255)
                 os.write(near, answer)
             elif sys.stdin.readline():
-                used = resource.getrusage(resource.RUSAGE_SELF)
-                _say({"cpu": used.ru_utime + used.ru_stime, "wall": time.monotonic()})
+                say({"cpu": cpu_seconds(), "wall": time.monotonic()})
             else:
                 return
-
-
-def _say(answer: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(answer) + "\n")
-    sys.stdout.flush()
-
-
-class _Role:
-    """This module as a process."""
-
-    def __init__(self, role: str, cpu: int, **settings: Any) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "pnfarm.bench.profibus", role],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        self.say(json.dumps({"cpu": cpu, **settings}))
-        self.answer()
-
-    def say(self, line: str) -> None:
-        if self._process.stdin is not None:
-            self._process.stdin.write(line + "\n")
-            self._process.stdin.flush()
-
-    def answer(self) -> dict[str, Any]:
-        line = self._process.stdout.readline() if self._process.stdout else ""
-        if not line:
-            raise InternalError(f"a benchmark's process ended with code {self._process.wait()}")
-        found: dict[str, Any] = json.loads(line)
-        return found
-
-    def close(self) -> None:
-        for stream in (self._process.stdin, self._process.stdout):
-            if stream is not None:
-                stream.close()
-        self._process.kill()
-        self._process.wait()
 
 
 def _telegram_of_model() -> dict[str, Any]:
@@ -242,18 +203,15 @@ def _floor(folder: Path, facts: dict[str, Any], seconds: float, load: Load) -> _
     path = str(folder / "echo")
     polls, used = [], []
     with ExitStack() as stack:
-        echo = _Role("echo", FARM_CPU, path=path, **facts)
-        stack.callback(echo.close)
-        poller = _Role("poll", PEER_CPU, path=path, echo=True, seconds=seconds / windows, **facts)
-        stack.callback(poller.close)
+        echo = begun(stack, "echo", FARM_CPU, module=__name__, path=path, **facts)
+        poller = begun(
+            stack, "poll", PEER_CPU, module=__name__, path=path, echo=True, seconds=seconds / windows, **facts
+        )
         for _ in range(windows):
             with load:
-                echo.say("mark")
-                before = echo.answer()
-                poller.say("go")
-                polls.append(poller.answer())
-                echo.say("mark")
-                used.append(difference(before, echo.answer()))
+                before = echo.told("mark")
+                polls.append(poller.told("go"))
+                used.append(difference(before, echo.told("mark")))
     Path(path).unlink()
     return _Seen(polls, used)
 
@@ -266,17 +224,15 @@ def _farm(
     polls, used = [], []
     with ExitStack() as stack:
         text = FILE.format(path=path, baud=BAUD, cpu=FARM_CPU, drives=DRIVES, model=MODEL, first=FIRST, latest=latest)
-        farm = Child("farm", FARM_CPU, file=text)
-        stack.callback(farm.close)
-        farm.answer()
+        farm = begun(stack, "farm", FARM_CPU, file=text)
         time.sleep(1.0)  # the drives boot
-        poller = _Role("poll", PEER_CPU, path=path, echo=False, seconds=seconds / windows, **facts)
-        stack.callback(poller.close)
+        poller = begun(
+            stack, "poll", PEER_CPU, module=__name__, path=path, echo=False, seconds=seconds / windows, **facts
+        )
         for _ in range(windows):
             with load:
                 farm.ask(f"measure {seconds / windows}")
-                poller.say("go")
-                polls.append(poller.answer())
+                polls.append(poller.told("go"))
                 used.append(farm.answer())
     return _Seen(polls, used)
 

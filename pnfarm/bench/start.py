@@ -47,12 +47,10 @@ def started(
         stack.callback(plc.close)
         before = farm.answer()
         plc.answer()
-        plc.ask(f"{until} 120")
-        if not plc.answer()[until]:
+        if not plc.told(f"{until} 120")[until]:
             raise InternalError(f"{stations} stations were not {until} within 120 s")
         took = time.monotonic() - begin
-        farm.ask(f"settled {SETTLED_SECONDS}")
-        after = farm.answer()
+        after = farm.told(f"settled {SETTLED_SECONDS}")
     spent, heard = (after[key] - before[key] for key in ("loop_cpu", "heard"))
     return Start(took, spent / stations * 1e3, heard / stations)
 

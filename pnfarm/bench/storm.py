@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.bench.child import difference
-from pnfarm.bench.line import FARM_CPU, PARENT, PEER, PEER_CPU, Child, floor_ends, percentile, wire
+from pnfarm.bench.line import FARM_CPU, PARENT, PEER, PEER_CPU, Child, begun, floor_ends, percentile, wire
 from pnfarm.bench.loops import interpreter_loop
 from pnfarm.bench.result import Result, Windows
 from pnfarm.errors import InternalError
@@ -92,17 +92,8 @@ def _line() -> Iterator[None]:
         yield
 
 
-def _child(stack: ExitStack, role: str, cpu: int, **settings: Any) -> Child:
-    """One that answers already."""
-    child = Child(role, cpu, **settings)
-    stack.callback(child.close)
-    child.answer()
-    return child
-
-
 def _connect(plc: Child) -> dict[str, Any]:
-    plc.ask("connected 120")
-    answer = plc.answer()
+    answer = plc.told("connected 120")
     if not answer["connected"]:
         raise InternalError("256 drives did not connect within 120 s")
     return answer
@@ -111,25 +102,24 @@ def _connect(plc: Child) -> dict[str, Any]:
 def _storm(seconds: float, realtime: dict[str, int], load: Load) -> _Storm:
     farm_file, calm_file, storm_file = _storm_files(realtime, RUNNING)
     with _line(), ExitStack() as stack:
-        farm = _child(stack, "farm", FARM_CPU, file=farm_file)
-        calm = _child(stack, "plc", PEER_CPU, file=calm_file, interface_from_outside=CALM)
-        plc = _child(stack, "plc", FARM_CPU, file=storm_file, interface_from_outside=STORMY, hold=True)
-        calm.ask("connected 60")
-        if not calm.answer()["connected"]:
+        farm = begun(stack, "farm", FARM_CPU, file=farm_file)
+        calm = begun(stack, "plc", PEER_CPU, file=calm_file, interface_from_outside=CALM)
+        plc = begun(stack, "plc", FARM_CPU, file=storm_file, interface_from_outside=STORMY, hold=True)
+        if not calm.told("connected 60")["connected"]:
             raise InternalError("64 drives did not connect within 60 s")
         # let the start-up of the 64 settle; then measure a quiet period of the length asked for
         time.sleep(2.0)
         with load:
-            before = _marks(farm)
+            before = farm.told("mark")
             # nothing to wait for: the quiet period itself
             time.sleep(seconds)
-            begin = _marks(farm)
+            begin = farm.told("mark")
             start = time.monotonic()
             connected = _connect(plc)
             took = time.monotonic() - start
-            end = _marks(farm)
+            end = farm.told("mark")
         during, quiet = difference(begin, end), difference(before, begin)
-        lost = during["expirations"] + _marks(calm)["expirations"]
+        lost = during["expirations"] + calm.told("mark")["expirations"]
     # subtract what the 64 cost in quiet operation
     farm_cpu = during["cpu"] - quiet["cpu"] / quiet["wall"] * during["wall"]
     return _Storm(
@@ -146,8 +136,8 @@ def _floor_p99(seconds: float, load: Load) -> float:
     """Lateness of a minimal loop that exchanges the frames of the 64, beside the same storm; it takes about so long."""
     farm_file, _, storm_file = _storm_files(ORDINARY, "")
     with _line(), ExitStack() as stack:
-        _child(stack, "farm", FARM_CPU, file=farm_file)
-        plc = _child(stack, "plc", FARM_CPU, file=storm_file, interface_from_outside=STORMY, hold=True)
+        begun(stack, "farm", FARM_CPU, file=farm_file)
+        plc = begun(stack, "plc", FARM_CPU, file=storm_file, interface_from_outside=STORMY, hold=True)
         floor, calm = stack.enter_context(floor_ends(64, 4, 1_000_000, far=CALM, scheduled={"fifo_priority": 0}))
         with load:
             for child in (floor, calm):
@@ -184,8 +174,3 @@ def storm(seconds: float, load: Load) -> list[Result]:
         Result("connect-storm-expirations", lost, "of 64 connections", None, "0", lost == 0),
         loop.row("connect-storm-interpreter", "ms for a fixed loop in Python", 1.0),
     ]
-
-
-def _marks(child: Child) -> dict[str, Any]:
-    child.ask("mark")
-    return child.answer()

@@ -62,13 +62,16 @@ def _moving(line: VirtualLine) -> bool:
     return bool((axes.drive.state == 4).all()) and float(abs(axes.motor.velocity).mean()) > 1.0
 
 
-def cost_of_a_step(text: str, *, motor_step_ns: int = 0) -> float:
-    """ns of CPU for one drive and one step of 1 ms, all models mixed; ``motor_step_ns`` in place of the usual one."""
-    return costs_of_a_step(text, motor_step_ns=motor_step_ns)[0].median
+def cost_of_a_step(text: str) -> float:
+    """ns of CPU for one drive and one step of 1 ms, all models mixed."""
+    return costs_of_a_step(text)[0].median
 
 
 def costs_of_a_step(text: str, *, motor_step_ns: int = 0) -> tuple[Windows, Windows]:
-    """The same for each copy, and in turn with it ns of CPU for copying and reading one frame, compiled as well."""
+    """The same for each copy, and in turn with it ns of CPU for copying and reading one frame, compiled as well.
+
+    ``motor_step_ns``: in place of the usual one.
+    """
     import anyio
 
     from pnfarm.controller.line import VirtualLine

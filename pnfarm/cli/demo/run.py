@@ -18,6 +18,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from pnfarm.bench.line import percentile
 from pnfarm.cli.demo.faults import FAULTS
 from pnfarm.cli.demo.scenario import demo_binding, write_report
 from pnfarm.cli.farm_file import counted
@@ -36,7 +37,6 @@ from pnfarm.scenario.realtime import carry_out
 from pnfarm.scenario.run import ScenarioRun
 from pnfarm.scenario.virtual import carry_on
 from pnfarm.station.event_log import EventLog
-from pnfarm.table.engine_row import LATENESS_EDGES_NS
 from pnfarm.terminal.output import print_next
 
 if TYPE_CHECKING:
@@ -407,8 +407,8 @@ class Demo:
             "engine": {
                 "cycles": int(engine.cycles),
                 "overruns": int(engine.overruns),
-                "lateness_p50_seconds": _quantile(lateness, 0.50),
-                "lateness_p99_seconds": _quantile(lateness, 0.99),
+                "lateness_p50_seconds": _late_seconds(lateness, 0.50),
+                "lateness_p99_seconds": _late_seconds(lateness, 0.99),
             },
         }
 
@@ -446,13 +446,6 @@ class Demo:
         print_next("docs/tutorial.md: ten minutes from nothing to a red verdict on a wrong PLC program")
 
 
-def _quantile(histogram: list[int], share: float) -> float:
-    """Seconds, by linear interpolation in the bucket; 0 for an empty histogram."""
-    wanted = sum(histogram) * share
-    seen, lower = 0.0, 0
-    for count, upper in zip(histogram, (*LATENESS_EDGES_NS, 2 * LATENESS_EDGES_NS[-1]), strict=True):
-        if count and seen + count >= wanted:
-            return (lower + (upper - lower) * (wanted - seen) / count) / 1e9
-        seen += count
-        lower = upper
-    return 0.0
+def _late_seconds(lateness: list[int], share: float) -> float:
+    """How late this share of the engine's ticks is at most; 0 without ticks."""
+    return percentile(lateness, share) / 1e6 if any(lateness) else 0.0
