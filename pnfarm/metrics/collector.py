@@ -367,7 +367,7 @@ class FarmCollector(Collector):
         ]
         parts.append((self._life_errors, axis.life.errors.tolist()))
         parts.append((self._fault_active, np.where(powered, axis.faults.code[:, 0] & NUMBER_MASK, 0).tolist()))
-        parts.append((self._fault_total, self._labelled(self._fault_total, self._fault_counts())))
+        parts.append(self._fault_total.counted(self._fault_counts()))
         parts += self._connections(stations)
         parts += self._channels(stations)
         recovery = self._recovery
@@ -383,9 +383,9 @@ class FarmCollector(Collector):
         ]
         active: Counts = {(kind,): number for kind, number in core.injections.active().items()}
         activations: Counts = dict(core.injections.activations().items())
-        parts.append((self._faults_active, self._labelled(self._faults_active, active)))
+        parts.append(self._faults_active.counted(active))
         parts.append((self._drive_faults_active, core.columns.image["injected"][:count].tolist()))
-        parts.append((self._activations, self._labelled(self._activations, activations)))
+        parts.append(self._activations.counted(activations))
         parts += self._standing()
         parts += self._lines.gather() + self._signals.gather()
         return Scrape(parts, self._lock)
@@ -408,15 +408,6 @@ class FarmCollector(Collector):
             held, renewed = float(state.may_speak()), state.renewed_seconds_ago() or 0.0
         values = (up, losses, refused, held, renewed)
         return [(family, [value]) for family, value in zip(self._of_standing, values, strict=True)]
-
-    @staticmethod
-    def _labelled(family: Family, counts: Counts) -> list[float]:
-        """Counts in the order of the family's series; a series that is new is made while there is room for it."""
-        places = [(family.place(*labels), number) for labels, number in counts.items()]
-        values: list[float] = [0] * len(family)
-        for place, number in places:
-            values[place] += number
-        return values
 
     def _reactions(self) -> tuple[Family, Values]:
         """Histograms by fault; one that is new is made while there is room for it."""
@@ -467,7 +458,7 @@ class FarmCollector(Collector):
             (self._exchanging, exchanging),
             (self._ar_cycle, cycles),
             (self._connects, [station.device.connects for station in stations]),
-            (self._aborts, self._labelled(self._aborts, aborts)),
+            self._aborts.counted(aborts),
             (self._watchdog, watchdog),
         ]
 
@@ -501,7 +492,7 @@ class FarmCollector(Collector):
         return [
             (self._received, sums["received"].tolist()),
             (self._sent, sums["sent"].tolist()),
-            (self._discarded, self._labelled(self._discarded, by_reason)),
+            self._discarded.counted(by_reason),
             (self._interval, self._interval.values(intervals, sums["interval_sum_ns"])),
             (self._jitter, self._jitter.values(sums["jitters"], sums["jitter_sum_ns"])),
             (self._missed, sums["missed"].tolist()),

@@ -8,8 +8,8 @@ on; so a family keeps the text around its values and fills in the values only (P
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
 
 from prometheus_client.metrics_core import Metric
 from prometheus_client.samples import Sample
@@ -113,6 +113,14 @@ class Family:
             labels = tuple(OTHER if bounded else label for label, bounded in zip(labels, self._bounded, strict=True))
         return self.add(*labels) if index is None else index
 
+    def counted(self, counts: Mapping[Any, int]) -> tuple[Self, Values]:
+        """The family with counts by label values; a series that is new is made while there is room for it."""
+        places = [(self.place(*labels), count) for labels, count in counts.items()]
+        values: list[float] = [0] * len(self)
+        for place, count in places:
+            values[place] += count
+        return self, values
+
     def _of_series(self, values: tuple[str, ...]) -> list[tuple[str, dict[str, str]]]:
         """Name and labels of each sample of a series, made when they are wanted: many drives have many of them."""
         return [(self.name, dict(zip(self.labels, values, strict=True)))]
@@ -157,6 +165,14 @@ class Histogram(Family):
         # each bound, infinity, sum and count
         self.samples = len(self.edges_ns) + 3
         super().__init__(name, "histogram", documentation, labels, room=room, bounded=bounded)
+
+    def counted(self, counts: Mapping[Any, int]) -> tuple[Self, Values]:
+        """The family with counts by label values; a series that is new is made while there is room for it."""
+        places = [(self.place(*labels), count) for labels, count in counts.items()]
+        values: list[float] = [0] * len(self)
+        for place, count in places:
+            values[place] += count
+        return self, values
 
     def _of_series(self, values: tuple[str, ...]) -> list[tuple[str, dict[str, str]]]:
         labels = dict(zip(self.labels, values, strict=True))

@@ -10,8 +10,6 @@ from pnfarm.links.serial.line import REPLY_EDGES_NS
 from pnfarm.metrics.families import Family, Histogram, Values
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pnfarm.farm.core import FarmCore
 
 __all__ = ["LineFamilies"]
@@ -76,19 +74,10 @@ class LineFamilies:
             (self._up, [int(one.is_up) for one in self._lines.values()]),
             (self._telegrams, telegrams),
             (self._octets, octets),
-            (self._dropped, _in_order(self._dropped, dropped)),
-            (self._lost, _in_order(self._lost, lost)),
-            (self._interruptions, _in_order(self._interruptions, broken)),
-            (self._requests, _in_order(self._requests, kinds)),
+            self._dropped.counted(dropped),
+            self._lost.counted(lost),
+            self._interruptions.counted(broken),
+            self._requests.counted(kinds),
             (self._withheld, [one.withheld for one in self._lines.values()]),
             (self._reply, self._reply.values(buckets, sums)),
         ]
-
-
-def _in_order(family: Family, counts: Mapping[tuple[str, str], int]) -> list[float]:
-    """Counts in the order of the family's series; a series is made with its first count."""
-    places = [(family.add(*labels), count) for labels, count in counts.items()]
-    values: list[float] = [0] * len(family)
-    for place, count in places:
-        values[place] = count
-    return values
