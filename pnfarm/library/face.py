@@ -5,14 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Generic, Protocol, Self, TypeVar
 
+from pnfarm.vocabulary.quoting import shortened
+
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from types import TracebackType
 
 __all__ = ["FarmFace", "first_drives"]
-
-#: Drives that messages show.
-MOST_SHOWN = 8
 
 
 class _Drive(Protocol):
@@ -82,6 +81,6 @@ class FarmFace(ABC, Generic[_D, _V]):
         )
 
 
-def first_drives(drives: list[_D]) -> str:
+def first_drives(drives: Iterable[object]) -> str:
     """The first ones in words, for messages."""
-    return "; ".join(map(repr, drives[:MOST_SHOWN])) + (" ..." if len(drives) > MOST_SHOWN else "")
+    return shortened([*map(repr, drives)], joint="; ")

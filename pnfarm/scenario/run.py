@@ -27,6 +27,7 @@ from pnfarm.signals.device_signal import note_forces, releases
 from pnfarm.station.events import ConnectionEstablished, ConnectionLost, StateChanged, WatchdogExpired
 from pnfarm.station.lateness import Lateness
 from pnfarm.vocabulary.durations import format_duration, format_measured
+from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -464,6 +465,5 @@ def _time(ns: int) -> str:
     return format_measured(ns / 1e9)
 
 
-def _few(names: list[str], most: int = 5) -> str:
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest
+def _few(names: list[str]) -> str:
+    return shortened(names, 5, ", ")

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import RemoteError
+from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 __all__ = ["raise_for_missing"]
-
-#: Names in one sentence.
-MOST = 8
 
 
 def raise_for_missing(found: Mapping[str, Any]) -> None:
@@ -20,17 +18,14 @@ def raise_for_missing(found: Mapping[str, Any]) -> None:
     missing = found.get("unreachable") or []
     if not_hit := found.get("not_hit"):
         first = not_hit[0]
-        raise RemoteError(f"not hit: {_few([one['drive'] for one in not_hit])}: {first['why']}")
+        raise RemoteError(f"not hit: {shortened([one['drive'] for one in not_hit], joint=', ')}: {first['why']}")
     if not missing:
         return
     if isinstance(missing, dict):
         raise RemoteError(f"{found.get('name', 'the drive')} is unreachable: {missing['reason']}")
     if isinstance(missing[0], str):
-        raise RemoteError(f"unknown for {_few(missing)}, which are unreachable: the last known state is shown")
+        raise RemoteError(
+            f"unknown for {shortened(missing, joint=', ')}, which are unreachable: the last known state is shown"
+        )
     shards = [one["shard"] for one in missing]
-    raise RemoteError(f"unreachable, their part is missing: {_few(shards)}: {missing[0]['reason']}")
-
-
-def _few(names: list[str]) -> str:
-    rest = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-    return ", ".join(names[:MOST]) + rest
+    raise RemoteError(f"unreachable, their part is missing: {shortened(shards, joint=', ')}: {missing[0]['reason']}")

@@ -16,6 +16,7 @@ from pnfarm.farm.file.reading import load_farm, parse_farm
 from pnfarm.farm.injection_fields import fields_of
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.wait import NotInTime
+from pnfarm.library.face import first_drives
 from pnfarm.library.plant import PlantReadings
 from pnfarm.links.memory import at_once
 from pnfarm.station.event_log import EventLog
@@ -150,7 +151,7 @@ class Line(BlockingFace[Drive]):
         begun = self._line.world.now
         if self._line.world.run(within, until=lambda: bool(condition()), look_ns=max(1, round(every * 1e9))):
             return (self._line.world.now - begun) / 1e9
-        raise NotInTime(f"{what} did not hold within {within:g} s (t = {self.now:.3f} s): {self._drives_in_words()}")
+        raise NotInTime(f"{what} did not hold within {within:g} s (t = {self.now:.3f} s): {first_drives(self.drives)}")
 
     def wait_connected(self, within: float = 20.0) -> float:
         """Until every drive exchanges data with the controller."""
@@ -281,12 +282,8 @@ class Line(BlockingFace[Drive]):
         if not self._is_open:
             raise ConfigError("the line is closed")
 
-    def _drives_in_words(self) -> str:
-        shown = "; ".join(map(repr, self.drives[:8]))
-        return shown + (f" and {len(self.drives) - 8} more" if len(self.drives) > 8 else "")
-
     def __repr__(self) -> str:
-        return f"<Line t = {self.now:.3f} s: {self._drives_in_words()}>"
+        return f"<Line t = {self.now:.3f} s: {first_drives(self.drives)}>"
 
 
 def _wait(work: Coroutine[Any, Any, _T]) -> _T:

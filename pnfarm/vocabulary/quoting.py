@@ -30,10 +30,10 @@ def few_hints(most: int = 100) -> Iterator[None]:
         _hints.reset(token)
 
 
-def shortened(names: Sequence[str], most: int = 8) -> str:
+def shortened(names: Sequence[str], most: int = 8, joint: str = " ") -> str:
     """Names for one line: the first ones, and how many more there are."""
     more = len(names) - most
-    return " ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+    return joint.join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

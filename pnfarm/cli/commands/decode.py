@@ -14,7 +14,7 @@ import typer
 from pnfarm.buses import registry
 from pnfarm.errors import ConfigError
 from pnfarm.terminal.output import print_json, print_line, seconds
-from pnfarm.vocabulary.quoting import printable
+from pnfarm.vocabulary.quoting import printable, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 __all__ = ["DecodeFormat", "decode"]
 
 
-#: Stations that are distinguished, and stations that an error message lists.
-_MOST_STATIONS, _NAMED = 65_536, 8
+#: Stations that are distinguished.
+_MOST_STATIONS = 65_536
 
 
 class DecodeFormat(StrEnum):
@@ -165,10 +165,7 @@ class _Chosen:
     def seen_stations(self) -> str:
         """The stations that send, for the end of an error message."""
         names = list(dict.fromkeys(self._decoder.name(mac) for mac in self._senders))
-        if not names:
-            return "it has no frames"
-        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-        return f"it has frames of {', '.join(names[:_NAMED])}{more}"
+        return f"it has frames of {shortened(names, joint=', ')}" if names else "it has no frames"
 
 
 def _text(line: Line, decoder: Decoder) -> str:
