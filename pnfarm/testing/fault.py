@@ -19,10 +19,6 @@ __all__ = ["BlockingFault", "Fault"]
 class BlockingFault(FaultReadings):
     """An injection in force: a context manager that ends it, with its evidence."""
 
-    @property
-    def is_active(self) -> bool:
-        return self.state == "active"
-
     @abstractmethod
     def clear(self) -> None:
         """End it; does nothing if it has ended."""

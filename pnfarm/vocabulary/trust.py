@@ -28,18 +28,18 @@ _FOUND = {
 }
 
 
-def client_context(ca: str | os.PathLike[str] | None = None, variable: str = CA_VARIABLE) -> ssl.SSLContext:
-    """How a client checks servers: by the authorities in the file ``ca``, or in the one that ``variable`` names.
+def client_context(ca: str | os.PathLike[str] | None = None) -> ssl.SSLContext:
+    """How a client checks servers: by the authorities in the file ``ca``, or in the one that PNFARM_TLS_CA names.
 
     Without either by those of the system.  Raises :class:`ConfigError`.
     """
-    named = ca or os.environ.get(variable) or None
+    named = ca or os.environ.get(CA_VARIABLE) or None
     context = ssl.create_default_context() if named is None else ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     if named is None:
         return context
     path = Path(named)
-    origin = f"the authority's file {path}" + ("" if ca else f" ({variable})")
+    origin = f"the authority's file {path}" + ("" if ca else f" ({CA_VARIABLE})")
     try:
         text = read_regular(path, MOST).decode("ascii")
         context.load_verify_locations(cadata=text)

@@ -289,7 +289,7 @@ def _local(
             record["pcap_not_whole"] = ring.not_whole
             if ring.current.exists():
                 windows = failure_windows(record, epoch)
-                record["pcap_packets"] = slice_capture(ring.current, pcap, windows, append=True)
+                record["pcap_packets"] = slice_capture(ring.current, pcap, windows)
             else:
                 # a capture without frames, which readers know as one
                 with pcap.open("ab") as out:

@@ -79,10 +79,10 @@ def keep_failures(tell: Tell, ring: FrameRing, wall: Callable[[], int] | None) -
     return told
 
 
-def slice_capture(source: Path, target: Path, windows: Sequence[Window], *, append: bool = False) -> int:
+def slice_capture(source: Path, target: Path, windows: Sequence[Window]) -> int:
     """Copy the packets inside of ``windows``, and the blocks that describe them; how many packets.
 
-    ``append``: as one more section of ``target``.  Packets need not be in the order of their stamps.
+    They are one more section of ``target``.  Packets need not be in the order of their stamps.
     """
     count = 0
     # between two of these stamps the open windows are the same
@@ -90,7 +90,7 @@ def slice_capture(source: Path, target: Path, windows: Sequence[Window], *, appe
     open_: dict[int, list[Window]] = {}
     untold = list(windows)
     drives: list[str] = []
-    with source.open("rb") as inside, target.open("ab" if append else "wb") as out:
+    with source.open("rb") as inside, target.open("ab") as out:
         for kind, block in _blocks(inside):
             if kind == pcap.INTERFACE_STATISTICS:
                 # they count the whole capture
