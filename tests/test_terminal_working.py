@@ -7,9 +7,9 @@ import sys
 
 PROGRAM = """
 from pnfarm.terminal.working import working
-with working("reading", 3) as show:
+with working("reading") as show:
     for n in range(3):
-        show(n + 1, f"part {n + 1}")
+        show(f"part {n + 1}")
 print("done")
 """
 
@@ -31,4 +31,4 @@ def test_a_terminal_shows_what_is_under_way_and_how_far():
         os.close(near)
         os.close(far)
     assert "reading: part 2" in shown
-    assert "3/3" in shown
+    assert "reading: part 3" in shown

@@ -12,32 +12,26 @@ if TYPE_CHECKING:
 __all__ = ["working"]
 
 
-def _show_nothing(done: int, what: str = "") -> None:
-    del done, what
-
-
 @contextmanager
-def working(title: str, total: int | None = None) -> Iterator[Callable[..., None]]:
+def working(title: str) -> Iterator[Callable[[str], None]]:
     """Show ``title`` on standard error while the block runs; nothing where that is no terminal.
 
-    Gives a function that takes how much is done, of ``total`` if it is known, and a word about what is next.  Starts no
-    thread: the line changes when the function is called.
+    Gives a function that takes a word about how far it is.  Starts no thread: the line changes when it is called.
     """
     if not sys.stderr.isatty():
-        yield _show_nothing
+        yield lambda _: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
-    known = (BarColumn(), MofNCompleteColumn()) if total is not None else ()
     bar = Progress(
-        TextColumn("{task.description}", markup=False), *known, TimeElapsedColumn(),
+        TextColumn("{task.description}", markup=False), TimeElapsedColumn(),
         console=Console(stderr=True, emoji=False), transient=True, auto_refresh=False,
     )  # fmt: skip
-    task = bar.add_task(title, total=total)
+    task = bar.add_task(title, total=None)
 
-    def show(done: int, what: str = "") -> None:
-        bar.update(task, completed=done, description=f"{title}: {what}" if what else title)
+    def show(what: str) -> None:
+        bar.update(task, description=f"{title}: {what}")
         bar.refresh()
 
     with bar:

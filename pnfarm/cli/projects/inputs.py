@@ -97,7 +97,7 @@ def _of_captures(files: Sequence[Path], remarks: list[str], *, models: bool) -> 
         for number, frame in enumerate(merge(*readers, key=lambda one: one.time_ns), 1):
             decoder.feed(frame)
             if number % _SHOWN_FRAMES == 0:
-                show(0, f"{number:,} frames")
+                show(f"{number:,} frames")
     for file, reader in zip(files, readers, strict=True):
         if reader.complaint is not None:
             remarks.append(f"{file}: the file cannot be read to its end: {reader.complaint}")
