@@ -4,7 +4,7 @@ import {html, useEffect, useRef} from "./html.js";
 const COLORS = ["--c1", "--c2", "--c3", "--c4", "--c5", "--c6", "--c7", "--c8"];
 
 export const color = (element, name) => getComputedStyle(element).getPropertyValue(name).trim();
-export const colorOf = (element, place) => color(element, COLORS[place % COLORS.length]);
+const colorOf = (element, place) => color(element, COLORS[place % COLORS.length]);
 
 /** Width of the column of names beside plots and rows of bits, so that all have one time axis. */
 const namesWidth = element => parseFloat(color(element, "--names")) || 200;

@@ -1,7 +1,7 @@
 // The farm as the live stream reports it: one stream for the page, of all drives, and of the drive or device that is looked at.
 import {get} from "./api.js";
 
-export const HISTORY = 60;
+const HISTORY = 60;
 /** Overviews that are kept, ten seconds: what a drive's plots begin with, before its own samples come. */
 const PAST = 100;
 const KNOWN_PAST = ["velocity", "setpoint", "current"];

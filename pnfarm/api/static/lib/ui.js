@@ -100,6 +100,20 @@ export function Act({onClick, children, title, kind = "", disabled = false, labe
     disabled=${disabled || !farm.writes} onClick=${onClick}>${children}</button>`;
 }
 
+/** Faults that are often injected. */
+const USUAL = [
+  [{kind: "timeout"}, "timeout", "send nothing until the controller's watchdog has expired"],
+  [{kind: "f702"}, "f702", "raise fault 702"],
+  [{kind: "sign-of-life-loss", for: "2s"}, "sign-of-life-loss", "the sign of life freezes for 2 s"],
+  [{kind: "link-down", for: "2s"}, "cable 2 s", "pull the cable for 2 s"],
+];
+
+/** Buttons for these faults, or for some `kinds` of them, on one station or several. */
+export function UsualFaults({on, kinds = null, injected = () => {}}) {
+  return USUAL.filter(([{kind}]) => !kinds || kinds.includes(kind)).map(([fields, word, title]) => html`<${Act} key=${word} kind="hot" title=${title}
+    onClick=${async () => { await inject({...fields, on}); injected(); }}>${word}<//>`);
+}
+
 export function Problem({text}) {
   return text ? html`<p class="bad" role="alert">${text}</p>` : null;
 }

@@ -2,10 +2,10 @@
 import {call, get, path} from "../lib/api.js";
 import {html, useMemo, useRef, useState} from "../lib/html.js";
 import {farm as live, linkOf, takeWritten, valuesOf} from "../lib/live.js";
-import {Act, Problem, Tabs, act, inject, useFarm, useLoaded} from "../lib/ui.js";
+import {Act, Problem, Tabs, UsualFaults, act, useFarm, useLoaded} from "../lib/ui.js";
 import {hex, plural, time} from "../lib/words.js";
 import {DeviceState, deviceController} from "./devices.js";
-import {Entry, Facts, Relation} from "./drive.js";
+import {Entries, Facts, Relation} from "./drive.js";
 import {Trace} from "./trace.js";
 
 export const TABS = [["signals", "Signals"], ["trace", "Trace"]];
@@ -180,15 +180,13 @@ export function Device({name, tab}) {
   }, [signals, text]);
   const first = useMemo(() => openAtFirst(modules), [modules]);
   if (!row) return farm.devicesKnown ? html`<section aria-label="Unknown device"><h2>There is no device ${name} in farm ${farm.name}</h2><p><a href="#/">Overview</a></p></section>` : html`<p class="dim">Loading…</p>`;
-  const on = {on: name};
   const mine = active ? active.faults.filter(one => name in one.drives && one.drives[name].state !== "ended") : [];
   const faults = new Map(mine.filter(one => one.drives[name].state === "active" && (one.spec.params || {}).signal).map(one => [one.spec.params.signal, one]));
   const {states} = valuesOf(name);
   const forced = signals.filter(one => (states.get(one.name) || one).forced !== null).length;
   const toggle = (slot, open) => { if ((opened[slot] ?? first.has(slot)) !== open) setOpened({...opened, [slot]: open}); };
   const all = open => setOpened(Object.fromEntries(modules.map(one => [one.module.slot, open])));
-  const add = async fields => { await inject({...fields, ...on}); again(); };
-  const entries = farm.log.filter(one => one.drive === name).slice(-EVENTS).reverse();
+  const entries = farm.log.filter(one => one.drive === name).slice(-EVENTS);
   const {controller, ...connection} = row.connection;
   return html`<section aria-label=${"Device " + name}>
     <div class="bar"><h2>${name}</h2><${DeviceState} device=${row}/><span class="dim">${row.description}</span>
@@ -198,8 +196,7 @@ export function Device({name, tab}) {
       ${forced ? html`<${Act} title="the signals get their last written values again" onClick=${() => act(() => call("PATCH", signalsOf(name) + "?as=force", {"*": null}), "no signal is forced")}>release ${plural(forced, "force")}<//>` : null}
       <span class="gap"></span>
       <div class="bar" role="group" aria-label="Usual faults">
-      <${Act} kind="hot" title="send nothing until the controller's watchdog has expired" onClick=${() => add({kind: "timeout"})}>timeout<//>
-      <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => add({kind: "link-down", for: "2s"})}>cable 2 s<//>
+      <${UsualFaults} on=${name} kinds=${["timeout", "link-down"]} injected=${again}/>
       <a class="button" href=${`#/faults?on=${encodeURIComponent(name)}&kind=signal-stuck`}>signal fault…</a>
       <a class="button" href=${"#/faults?on=" + encodeURIComponent(name)}>other fault…</a></div>
     </div>
@@ -216,7 +213,6 @@ export function Device({name, tab}) {
       <span class="gap"></span><button type="button" onClick=${() => all(true)}>Open all</button><button type="button" onClick=${() => all(false)}>Close all</button></div>
     ${modules.map(one => html`<${Module} key=${one.module.slot} ...${one} open=${opened[one.module.slot] ?? first.has(one.module.slot)} toggle=${toggle} device=${name} states=${states} faults=${faults}/>`)}
     ${text && !modules.length ? html`<p class="dim">No signal matches.</p>` : null}
-    ${entries.length ? html`<h2>Events since this page was opened</h2><div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th><th scope="col">Event</th><th scope="col">Details</th></tr></thead>
-      <tbody>${entries.map(entry => html`<${Entry} key=${`${entry.sequence} ${entry.time}`} entry=${entry} drive=${false}/>`)}</tbody></table></div>` : null}` : null}
+    ${entries.length ? html`<h2>Events since this page was opened</h2><${Entries} entries=${entries} drive=${false}/>` : null}` : null}
   </section>`;
 }

@@ -3,7 +3,7 @@ import {call, get, path} from "../lib/api.js";
 import {Histogram, LogicRows, Plot} from "../lib/charts.js";
 import {html, useEffect, useMemo, useState} from "../lib/html.js";
 import {linkOf} from "../lib/live.js";
-import {Act, FaultText, Problem, State, Tabs, act, inject, say, useFarm, useLoaded} from "../lib/ui.js";
+import {Act, FaultText, Problem, State, Tabs, UsualFaults, act, say, useFarm, useLoaded} from "../lib/ui.js";
 import {clock, controllerOf, number, plural, time} from "../lib/words.js";
 import {Trace} from "./trace.js";
 
@@ -110,11 +110,17 @@ function Parameters({name, farm}) {
 
 const HIDDEN = new Set(["sequence", "time", "farm_seconds", "drive", "event"]);
 
-export function Entry({entry, drive = true}) {
+function Entry({entry, drive}) {
   const details = Object.entries(entry).filter(([key, value]) => !HIDDEN.has(key) && value !== null && value !== "");
   return html`<tr><td class="dim">${clock(entry.time)}</td><td class="number dim">${entry.farm_seconds.toFixed(3)}</td>
     ${drive ? html`<td>${entry.drive ? html`<a href=${linkOf(entry.drive)}>${entry.drive}</a>` : ""}</td>` : null}
     <td>${entry.event}</td><td class="text small dim">${details.map(([key, value]) => `${key} ${typeof value === "object" ? JSON.stringify(value) : value}`).join(", ")}</td></tr>`;
+}
+
+/** Entries of the log, the newest first; `drive`: with the station of each. */
+export function Entries({entries, drive = true}) {
+  return html`<div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th>${drive ? html`<th scope="col">Drive</th>` : null}<th scope="col">Event</th><th scope="col">Details</th></tr></thead>
+    <tbody>${[...entries].reverse().map(entry => html`<${Entry} key=${`${entry.sequence} ${entry.time}`} entry=${entry} drive=${drive}/>`)}</tbody></table></div>`;
 }
 
 function Events({name, farm}) {
@@ -129,8 +135,7 @@ function Events({name, farm}) {
       <td>${place === 0 ? "active" : place}</td><td>${situation.map(fault => html`<span class=${found.faults.some(one => one.number === fault.number) && place === 0 ? "bad" : ""}>${fault.label} ${fault.name} </span>`)}</td></tr>` : null)}</tbody></table>` : html`<p class="dim">The fault buffer is empty.</p>`}
     ${counts.length ? html`<p>Since the farm started: ${counts.map(([code, count]) => `${code} ${count === 1 ? "once" : count + " times"}`).join(", ")}.</p>` : null}
     <h3>Events</h3>
-    <div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th><th scope="col">Event</th><th scope="col">Details</th></tr></thead>
-      <tbody>${[...found.events].reverse().map(entry => html`<${Entry} key=${entry.sequence} entry=${entry} drive=${false}/>`)}</tbody></table></div>
+    <${Entries} entries=${found.events} drive=${false}/>
   </div>`;
 }
 
@@ -216,7 +221,6 @@ export function Drive({name, tab}) {
   const row = farm.byName.get(name), drive = farm.drive && farm.drive.name === name ? farm.drive : null;
   if (!row) return farm.drives.some(one => !one.known) || !farm.drives.length ? html`<p class="dim">Loading…</p>`
     : html`<section aria-label="Unknown drive"><h2>There is no drive ${name} in farm ${farm.name}</h2><p>${farm.deviceByName.has(name) ? html`<a href=${linkOf(name)}>The device ${name}</a> · ` : null}<a href="#/">Overview</a></p></section>`;
-  const on = {on: name};
   const power = action => act(() => call("POST", path("drives", name, action)), `${name}: ${action}`);
   const others = farm.drives.filter(one => one.known);
   const place = others.indexOf(row);
@@ -236,10 +240,7 @@ export function Drive({name, tab}) {
       ${row.injected.map(([id, kind]) => html`<span key=${id} class="warn" title=${id}>${kind} <${Act} title="end this fault" label=${`Clear ${kind}, ${id}`} onClick=${() => act(() => call("DELETE", path("faults", id)), `${id} cleared`)}>clear<//></span>`)}
       <span class="gap"></span>
       <div class="bar" role="group" aria-label="Usual faults, and the supply">
-      <${Act} kind="hot" title="send nothing until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
-      <${Act} kind="hot" title="raise fault 702" onClick=${() => inject({kind: "f702", ...on})}>f702<//>
-      <${Act} kind="hot" title="the sign of life freezes for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
-      <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => inject({kind: "link-down", for: "2s", ...on})}>cable 2 s<//>
+      <${UsualFaults} on=${name}/>
       <a class="button" href=${"#/faults?on=" + encodeURIComponent(name)}>other fault…</a>
       ${row.state === -1 ? html`<${Act} title="switch the supply on" onClick=${() => power("power-on")}>Power on<//>` : html`<${Act} title="cut the supply" onClick=${() => power("power-off")}>Power off<//>`}</div>
     </div>

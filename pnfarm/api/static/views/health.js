@@ -4,7 +4,7 @@ import {Histogram} from "../lib/charts.js";
 import {html} from "../lib/html.js";
 import {Problem, useFarm, useLoaded} from "../lib/ui.js";
 import {time} from "../lib/words.js";
-import {Entry} from "./drive.js";
+import {Entries} from "./drive.js";
 
 const MARKS = new Map([[true, ["good", "ok"]], [false, ["bad", "missing"]], [null, ["warn", "note"]]]);
 
@@ -32,7 +32,6 @@ export function Health() {
       <tbody>${health.shards.map(one => html`<tr key=${one.shard}><th scope="row">${one.shard}</th><td>${one.farm}</td><td class=${one.state === "up" ? "good" : "bad"}>${one.state}</td><td class="number">${one.drives}</td><td class="number">${time(one.offset_seconds)}</td><td class="number">${time(one.offset_uncertainty_seconds)}</td><td class="text">${[one.reason, ...one.notes].filter(Boolean).join("; ")}</td></tr>`)}</tbody></table>` : null}
     <h2>Events since this page was opened</h2>
     ${farm.lost ? html`<p class="warn">${farm.lost} were missed: too many to follow.</p>` : null}
-    <div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th><th scope="col">Drive</th><th scope="col">Event</th><th scope="col">Details</th></tr></thead>
-      <tbody>${farm.log.slice(-200).reverse().map(entry => html`<${Entry} key=${`${entry.sequence} ${entry.time}`} entry=${entry}/>`)}</tbody></table></div>
+    <${Entries} entries=${farm.log.slice(-200)}/>
   </section>`;
 }

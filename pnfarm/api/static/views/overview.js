@@ -2,7 +2,7 @@
 import {call, path} from "../lib/api.js";
 import {html, useEffect, useRef, useState} from "../lib/html.js";
 import {faultOf} from "../lib/live.js";
-import {Act, FaultText, Spark, State, act, inject, useFarm} from "../lib/ui.js";
+import {Act, FaultText, Spark, State, UsualFaults, act, useFarm} from "../lib/ui.js";
 import {ROW, useWindow} from "../lib/window.js";
 import {controllerOf, number, plural, stateOf, time} from "../lib/words.js";
 import {DeviceList, deviceMatches} from "./devices.js";
@@ -51,7 +51,6 @@ function ordered(drives, [key, sign]) {
 
 function Selection({selected, select, shown}) {
   const names = [...selected];
-  const on = {on: names};
   const cycle = () => act(async () => {
     const refused = [];
     for (const name of names) await call("POST", path("drives", name, "power-cycle")).catch(problem => refused.push(problem.message));
@@ -63,10 +62,7 @@ function Selection({selected, select, shown}) {
     <button type="button" onClick=${() => select(new Set())}>Select none</button>
     <span class="gap"></span>
     <div class="bar" role="group" aria-label="Faults for the selected drives">
-    <${Act} kind="hot" title="send nothing until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
-    <${Act} kind="hot" title="raise fault 702" onClick=${() => inject({kind: "f702", ...on})}>f702<//>
-    <${Act} kind="hot" title="the sign of life freezes for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
-    <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => inject({kind: "link-down", for: "2s", ...on})}>cable 2 s<//>
+    <${UsualFaults} on=${names}/>
     <a class="button" href=${"#/faults?on=" + encodeURIComponent(names.join(","))}>other fault…</a>
     <${Act} title="off and on again" onClick=${cycle}>Power-cycle<//></div>
   </div>`;

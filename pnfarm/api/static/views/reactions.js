@@ -44,7 +44,7 @@ export function Reactions() {
     <div class="bar"><input type="search" placeholder="drive, kind or fault" aria-label="Filter by drive, kind or fault" value=${text} onInput=${event => setText(event.target.value)}/>
       <span class="dim" role="status">${plural(all.length, "reaction")}; a drive keeps its last 16 faults and start-ups</span></div>
     <${Problem} text=${error}/>
-    <div class="columns three">${summary("Fault until the enable was withdrawn", reacted)}${summary("Fault until it was acknowledged", acknowledged)}${summary("Loss of the connection until data flow again", back)}</div>
+    <div class="columns">${summary("Fault until the enable was withdrawn", reacted)}${summary("Fault until it was acknowledged", acknowledged)}${summary("Loss of the connection until data flow again", back)}</div>
     ${all.length ? html`<div class="scroll" tabindex="0" role="region" aria-label="Reactions"><table><thead><tr><th scope="col">Drive</th><th scope="col">What</th><th scope="col">Injected</th><th scope="col" class="number">Ago</th><th scope="col" class="number">Reaction</th><th scope="col" class="number">Recovered</th><th scope="col">What the PLC did</th></tr></thead>
       <tbody>${all.slice(0, 100).map((one, i) => html`<tr key=${one.drive + one.what + i}><th scope="row"><a href=${"#/drive/" + encodeURIComponent(one.drive) + "/events"}>${one.drive}</a></th>
         <td class=${"text " + (one.what === "fault" ? "bad" : "warn")}>${one.what === "fault" ? `fault ${one.code} ${one.name}` : `connection lost${one.name ? ` by ${one.name}` : ""}`}</td><td>${one.what === "fault" ? (one.kind === "none" ? "–" : one.kind) : one.kind || "–"}</td>
