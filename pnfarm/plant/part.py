@@ -20,6 +20,7 @@ from pnfarm.wire.value_types import BOOL, FLOAT64
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from collections.abc import Set as AbstractSet
 
     from pnfarm.behaviours.declaration import Port
     from pnfarm.plant.plan import PlannedModel
@@ -33,7 +34,7 @@ class PortSignals:
     those that a wire writes; ``hold`` keeps such a wire from writing one, or with None lets it."""
 
     def __init__(
-        self, model: PlannedModel, values: Any, wired: frozenset[int], hold: Callable[[int, float | None], None]
+        self, model: PlannedModel, values: Any, wired: AbstractSet[int], hold: Callable[[int, float | None], None]
     ) -> None:
         self._hold = hold
         self._values = values
@@ -174,7 +175,7 @@ class PlantPart:
     powered = connected = True
 
     def __init__(
-        self, model: PlannedModel, values: Any, wired: frozenset[int], hold: Callable[[int, float | None], None]
+        self, model: PlannedModel, values: Any, wired: AbstractSet[int], hold: Callable[[int, float | None], None]
     ) -> None:
         self.configured_name = model.name
         self.signals = PortSignals(model, values, wired, hold)

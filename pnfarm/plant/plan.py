@@ -23,7 +23,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 from pnfarm.vocabulary.regular_file import beside
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pnfarm.behaviours.declaration import Behaviour
@@ -425,8 +425,3 @@ def _factor(wire: WireText, given: Port, taken: Port, unit: str) -> float:
         how = f"({wire.source}) has the unit" if unit == given.unit and not wire.unit else "has the unit"
         what = f"{wire.target} is in {taken.unit}, what the wire gives {how} {unit}"
         raise Problem(what, f"{problem.allowed}, or a factor: {wire.source} * 1 {taken.unit}") from problem
-
-
-def stations_of(wires: Iterable[PlannedWire]) -> set[str]:
-    """The stations that wires begin or end at."""
-    return {end.station for wire in wires for end in (wire.source, wire.target) if isinstance(end, StationEnd)}

@@ -69,16 +69,15 @@ class Plant:
         #: By station: inputs, the numbers of their values, and what was written last.
         self._written: dict[str, list[tuple[Signal, int]]] = {}
         self._given: dict[str, list[float]] = {}
-        self._targets: set[int] = set()
+        wired: set[int] = set()
         for wire in plan.wires:
             end = wire.target
             if not isinstance(end, StationEnd):
-                self._targets.add(end)
+                wired.add(end)
             elif not end.is_axis:
                 signal = signals[end.station].signal(end.signal)
                 number = self.table.outlets[end.station, end.signal]
                 self._written.setdefault(end.station, []).append((signal, number))
-        wired = frozenset(self._targets)
         #: The models, by name.
         self.parts = {
             name: PlantPart(model, self.table.values, wired, self.table.hold) for name, model in plan.models.items()

@@ -45,8 +45,6 @@ if TYPE_CHECKING:
 __all__ = ["PlantCopies", "PlantTable"]
 
 _FORMS = {"number": WIRE_NUMBER, "bit": WIRE_BIT, "inverted": WIRE_INVERTED}
-#: Fields of a probe's row that a place has.
-_PLACED = ("source", "word", "less", "shift", "mask", "sign", "scale", "row", "octets", "big", "received")
 #: What is 0 always.
 _NOWHERE = Place(SOURCE_AXIS_INTEGER, 0, 0, mask=0)
 
@@ -75,10 +73,10 @@ class PlantTable:
         self._signals = signals
         self._columns = columns
         self.row = PLANT.allocate(1)
-        sources = [wire.source for wire in plan.wires if isinstance(wire.source, StationEnd)]
+        ends = [wire.source for wire in plan.wires if isinstance(wire.source, StationEnd)]
+        sources = dict.fromkeys((end.station, end.signal) for end in ends)
         #: Signals of stations that wires read, each once, and the numbers of their values.
-        self.probed = {(end.station, end.signal): number for number, end in enumerate(sources, plan.values)}
-        self.probed = {key: plan.values + i for i, key in enumerate(self.probed)}
+        self.probed = {source: number for number, source in enumerate(sources, plan.values)}
         targets = [wire.target for wire in plan.wires if isinstance(wire.target, StationEnd)]
         #: Ends of wires at stations, and the numbers of their values.
         first = plan.values + len(self.probed)
@@ -98,7 +96,7 @@ class PlantTable:
         #: By axis, the bits of words that wires read: where these are depends on the telegram.
         self.bits: dict[str, list[tuple[Any, str]]] = {}
         for row, (station, signal) in zip(self._probes, self.probed, strict=False):
-            self._fill_probe(row, self._place(station, signal))
+            self._place(station, signal).fill(row)
             if station in axes and "." in signal:
                 self.bits.setdefault(station, []).append((row, signal))
         for row, end in zip(self._outlets, targets, strict=False):
@@ -146,7 +144,7 @@ class PlantTable:
         for row, signal in self.bits[axis]:
             # 0 until it is set again, whatever the engine reads meanwhile
             row.mask = 0
-            self._fill_probe(row, self._place(axis, signal))
+            self._place(axis, signal).fill(row)
 
     # -- its state
 
@@ -190,11 +188,6 @@ class PlantTable:
             return place if found.bit is None else replace(place, shift=found.bit, mask=1)
         # a bit that the telegram in force does not have is 0
         return self._plan.axes[station].place_in(axis, signal) or _NOWHERE
-
-    @staticmethod
-    def _fill_probe(row: Any, place: Place) -> None:
-        for name in _PLACED:
-            row[name] = getattr(place, name)
 
     def _fill_wires(self, wires: tuple[PlannedWire, ...]) -> None:
         for row, wire in zip(self._wires, wires, strict=False):

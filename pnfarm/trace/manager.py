@@ -371,7 +371,8 @@ class TraceManager:
             raise ConfigError(f"the traces {', '.join(self._traces)} fill the farm's memory for them: delete one")
         every = [*places, *(place for _, place in watched)]
         for number, place in enumerate(every, start=first):
-            self._write_probe(number, place)
+            place.fill(self.columns.probe[number])
+            self.columns.probe[number].seen = 0
         table = traces[row]
         table.first_probe, table.probes = first, len(places)
         table.first_watched, table.watched = first + len(places), len(watched)
@@ -397,13 +398,6 @@ class TraceManager:
             interval,
             now,
         )
-
-    def _write_probe(self, number: int, place: Place) -> None:
-        probe = self.columns.probe[number]
-        probe.source, probe.word, probe.less = place.source, place.word, place.less
-        probe.row, probe.octets, probe.big, probe.received = place.row, place.octets, place.big, place.received
-        probe.shift, probe.mask, probe.sign, probe.scale = place.shift, place.mask, place.sign, place.scale
-        probe.seen = 0
 
     def _new_id(self, wanted: str | None) -> str:
         if wanted is not None:

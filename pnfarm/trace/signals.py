@@ -283,10 +283,5 @@ def _chosen(known: Mapping[str, TraceSignal], text: str) -> list[TraceSignal]:
 
 def _allowed(known: Mapping[str, TraceSignal]) -> str:
     """The names, with the bits of a word as ``zsw1.*``."""
-    return ", ".join(
-        f"{name} and {name}.*" if f"{name}.*" in _globs(known) else name for name in known if "." not in name
-    )
-
-
-def _globs(known: Mapping[str, TraceSignal]) -> set[str]:
-    return {f"{name.partition('.')[0]}.*" for name in known if "." in name}
+    words = {name.partition(".")[0] for name in known if "." in name}
+    return ", ".join(f"{name} and {name}.*" if name in words else name for name in known if "." not in name)

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Place", "place_of"]
 
+#: Fields that a probe has as well.
+_OF_PROBE = ("source", "word", "less", "shift", "mask", "sign", "scale", "row", "octets", "big", "received")
+
 WORD_OCTETS = 8
 
 
@@ -42,6 +45,11 @@ class Place:
         """The same field of the drive in this row, which is then the only one that it means."""
         base = row * self.row_words
         return replace(self, word=self.word + base, less=self.less if self.less < 0 else self.less + base, row_words=0)
+
+    def fill(self, probe: Any) -> None:
+        """Have a probe read it."""
+        for name in _OF_PROBE:
+            probe[name] = getattr(self, name)
 
 
 def place_of(
