@@ -5,21 +5,31 @@ from __future__ import annotations
 from dataclasses import replace
 from ipaddress import IPv4Address
 
+from pnfarm.protocols.profinet.lldp.agent import LocalPort, LocalSystem, Neighbour
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.snmp.agent import SnmpAgent
 from pnfarm.protocols.profinet.snmp.view import (
-    Dot3Port,
     InterfaceCounters,
     InterfaceView,
     LldpPortStatistics,
     LldpPortView,
     LldpStatistics,
     LldpView,
-    ManagementAddress,
     NeighbourView,
-    PnoPort,
     SnmpView,
     SystemView,
+)
+from pnfarm.protocols.profinet.wire.lldp.tlvs import (
+    Capability,
+    ChassisId,
+    MacPhyStatus,
+    MeasuredDelays,
+    PortDescription,
+    PortId,
+    SystemCapabilities,
+    SystemDescription,
+    SystemName,
+    ipv4_management,
 )
 from pnfarm.protocols.profinet.wire.snmp.message import (
     END_OF_MIB_VIEW,
@@ -48,17 +58,29 @@ NEIGHBOUR = NeighbourView(
     time_mark_ns=12_340_000_000,
     port=1,
     index=3,
-    chassis_id=b"plc",
-    port_id=b"port-002",
-    port_description="X1 P2",
-    system_name="plc",
-    system_description="a controller",
-    capabilities_supported=b"\x29",
-    capabilities_enabled=b"\x01",
-    addresses=(ManagementAddress(bytes((10, 77, 0, 9)), 7),),
-    dot3=Dot3Port(mau_type=30),
-    pno=PnoPort(line_delay_ns=120, tx_delay_ns=300, rx_delay_ns=310, station_name="plc"),
+    neighbour=Neighbour(
+        "port-001",
+        bytes(6),
+        ChassisId(7, b"plc"),
+        PortId(7, b"port-002"),
+        20,
+        (
+            PortDescription(b"X1 P2"),
+            SystemName(b"plc"),
+            SystemDescription(b"a controller"),
+            SystemCapabilities(0x94, Capability.STATION),
+            ipv4_management(IPv4Address("10.77.0.9"), 7),
+            MacPhyStatus(3, 0x6C00, 30),
+            MeasuredDelays(rx_local=310, tx_local=300, cable_local=120),
+        ),
+        0,
+        0,
+        0,
+    ),
 )
+#: Without PROFINET's and IEEE 802.3's TLVs, and without an address.
+OTHER = replace(NEIGHBOUR.neighbour, chassis=ChassisId(7, b"other"), tlvs=NEIGHBOUR.neighbour.tlvs[:4])
+_MAC_PHY = LocalPort(1, MAC).mac_phy
 
 VIEW = SnmpView(
     system=SystemView("AKD and so on", 98_765_432_109, contact="me", name="axis-01", location="hall 1"),
@@ -68,22 +90,18 @@ VIEW = SnmpView(
             "Port X11",
             "port-001",
             MAC,
-            counters=InterfaceCounters(*range(2**32 - 5, 2**32 + 8)),
-            last_change_ns=10**10,
+            counters=InterfaceCounters(*range(2**32 - 5, 2**32 + 7)),
         ),
         InterfaceView(2, "Port X12", "port-002", MAC, up=False),
         InterfaceView(3, "Interface", "interface", MAC, has_connector=False),
     ),
     lldp=LldpView(
-        chassis_id=b"axis-01",
+        system=LocalSystem(MAC, "axis-01", "AKD and so on", IPv4Address("10.77.0.11"), 3),
         ports=(
-            LldpPortView(1, b"port-001", "Port X11", statistics=LldpPortStatistics(1, 2, 3, 4, 5, 6, 7)),
-            LldpPortView(2, b"port-002", "Port X12"),
+            LldpPortView(1, PortId(7, b"port-001"), "Port X11", _MAC_PHY, statistics=LldpPortStatistics(1, 2, 3, 4, 5)),
+            LldpPortView(2, PortId(7, b"port-002"), "Port X12", _MAC_PHY),
         ),
-        system_name="axis-01",
-        system_description="AKD and so on",
-        addresses=(ManagementAddress(bytes((10, 77, 0, 11)), 3),),
-        neighbours=(NEIGHBOUR, replace(NEIGHBOUR, index=4, chassis_id=b"other", dot3=None, pno=None, addresses=())),
+        neighbours=(NEIGHBOUR, replace(NEIGHBOUR, index=4, neighbour=OTHER)),
         statistics=LldpStatistics(12_340_000_000, 2, 1, 0, 1),
     ),
 )

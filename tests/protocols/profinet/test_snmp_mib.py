@@ -5,14 +5,21 @@ from dataclasses import replace
 import pytest
 from snmp_support import NEIGHBOUR, VIEW, Manager
 
+from pnfarm.protocols.profinet.snmp.mib_system import PROFINET_OBJECT_ID
 from pnfarm.protocols.profinet.snmp.view import (
-    PROFINET_OBJECT_ID,
     InterfaceView,
-    LldpPortView,
-    ManagementAddress,
     SystemView,
     capability_bits,
     system_description,
+)
+from pnfarm.protocols.profinet.wire.lldp.tlvs import (
+    ChassisId,
+    MacPhyStatus,
+    ManagementAddress,
+    MeasuredDelays,
+    PortDescription,
+    PortStatus,
+    SystemName,
 )
 from pnfarm.protocols.profinet.wire.snmp.message import (
     COUNTER32,
@@ -128,36 +135,43 @@ def test_an_address_in_an_index_has_its_length_before_it():
     assert content(*LLDP, 3, 8, 1, 5, 1, 4, 10, 77, 0, 11) == 3
     assert content(*LLDP, 3, 8, 1, 3, 1, 4, 10, 77, 0, 11) == 5  # subtype and four octets
     assert content(*LLDP, 4, 2, 1, 4, *ROW, *ADDRESS_OF_PLC) == 7
-    view = replace(VIEW, lldp=replace(VIEW.lldp, addresses=(ManagementAddress(b"\2\0\0\0\0\1", 1, subtype=6),)))
+    system = replace(VIEW.lldp.system, address=None, interface_number=1)
+    view = replace(VIEW, lldp=replace(VIEW.lldp, system=system))
     assert content(*LLDP, 3, 8, 1, 5, 6, 6, 2, 0, 0, 0, 0, 1, view=view) == 1
 
 
 def test_a_list_of_ports_has_the_first_one_in_the_highest_bit():
     name = (*LLDP, 1, 7, 1, 1, 1, 4, 10, 77, 0, 11)
     assert content(*name) == b"\xc0"
-    ports = tuple(LldpPortView(number, b"", "") for number in (1, 8, 9))
+    ports = tuple(replace(VIEW.lldp.ports[0], number=number) for number in (1, 8, 9))
     assert content(*name, view=replace(VIEW, lldp=replace(VIEW.lldp, ports=ports))) == b"\x81\x80"
 
 
 def test_what_a_neighbour_says_can_be_shown_whatever_it_is():
     """Its numbers have 32 bits without sign; two neighbours may even have one index; nothing of it stops a walk."""
-    hostile = replace(
-        NEIGHBOUR,
-        time_mark_ns=2**70,
-        chassis_id=bytes(255),
-        port_description="ä" * 255,
-        system_name="\ud800",
-        addresses=(ManagementAddress(b"", 2**32 - 1), ManagementAddress(bytes(31), 0, subtype=255, if_subtype=255)),
-        pno=replace(NEIGHBOUR.pno, line_delay_ns=2**32 - 1, rt2_status=3, station_name="ü"),
-        dot3=replace(NEIGHBOUR.dot3, mau_type=0xFFFF, autoneg_advertised=b""),
+    says = replace(
+        NEIGHBOUR.neighbour,
+        chassis=ChassisId(7, "ü".encode() * 127),
+        tlvs=(
+            PortDescription("ä".encode() * 127),
+            SystemName(b"\xed\xa0\x80"),
+            ManagementAddress(1, b"\n", 2, 2**32 - 1),
+            ManagementAddress(255, bytes(31), 255, 0, b"\xff"),
+            MacPhyStatus(0xFF, 0xFFFF, 0xFFFF),
+            MeasuredDelays(cable_local=2**32 - 1),
+            PortStatus(0xFFFF, 0xFFFF),
+        ),
     )
+    hostile = replace(NEIGHBOUR, time_mark_ns=2**70, neighbour=says)
     view = replace(VIEW, lldp=replace(VIEW.lldp, neighbours=(hostile, hostile)))
     row = (2**70 // 10**7 % 2**32, 1, 3)
     walked = {varbind.name: varbind.value.content for varbind in Manager(view).walk()}
-    assert walked[(*LLDP, 4, 2, 1, 4, *row, 1, 0)] == 2**31 - 1
-    assert walked[(*LLDP, 4, 1, 1, 8, *row)] == ("ä" * 255).encode()[:255]
-    assert walked[(*LLDP, 4, 1, 1, 9, *row)] == b"?"
-    assert walked[(*PNO, 3, 1, 1, 6, *row)] == b"?"
+    assert walked[(*LLDP, 4, 2, 1, 4, *row, 1, 1, 10)] == 2**31 - 1
+    assert walked[(*LLDP, 4, 2, 1, 5, *row, 255, 31, *bytes(31))] == (0, 0)
+    assert walked[(*LLDP, 4, 1, 1, 8, *row)] == ("ä" * 127).encode()
+    assert walked[(*LLDP, 4, 1, 1, 9, *row)] == SystemName(b"\xed\xa0\x80").text.encode()
+    assert walked[(*PNO, 3, 1, 1, 6, *row)] == b"?" * 127
+    assert [walked[(*PNO, 3, 1, 1, arc, *row)] for arc in (4, 5)] == [3, 7]
 
 
 def test_texts_are_cut_and_made_ascii():

@@ -93,12 +93,14 @@ class LocalPort:
     mac: bytes
     description: str = ""
     mau_type: int = MAU_100BASE_TX_FULL_DUPLEX
-    autonegotiation: int = _AUTONEGOTIATION
-    advertised: int = _ADVERTISED_100
 
     @property
     def name(self) -> str:
         return f"port-{self.number:03}"
+
+    @property
+    def mac_phy(self) -> MacPhyStatus:
+        return MacPhyStatus(_AUTONEGOTIATION, _ADVERTISED_100, self.mau_type)
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,7 +250,7 @@ def local_lldpdu(system: LocalSystem, port: LocalPort, time_to_live: int = TIME_
         tlvs = [
             PortStatus(),
             ChassisMac(system.mac),
-            MacPhyStatus(port.autonegotiation, port.advertised, port.mau_type),
+            port.mac_phy,
             system.management,
         ]
         if port.description:

@@ -22,7 +22,7 @@ from pnfarm.protocols.profinet.wire.snmp.message import (
     time_ticks,
 )
 
-__all__ = ["INTERFACE_TABLES", "SYSTEM_SCALARS", "WRITABLE", "Statistic"]
+__all__ = ["INTERFACE_TABLES", "PROFINET_OBJECT_ID", "SYSTEM_SCALARS", "WRITABLE", "Statistic"]
 
 MIB_2: Oid = (1, 3, 6, 1, 2, 1)
 SYSTEM: Oid = (*MIB_2, 1)
@@ -30,10 +30,13 @@ INTERFACES: Oid = (*MIB_2, 2)
 SNMP: Oid = (*MIB_2, 11)
 IF_X_ENTRY: Oid = (*MIB_2, 31, 1, 1, 1)
 
+#: PROFIBUS Nutzerorganisation's enterprise, the sysObjectID of a PROFINET device (private enterprise number 24686).
+PROFINET_OBJECT_ID: Oid = (1, 3, 6, 1, 4, 1, 24686)
 #: What a device of the physical, data link, network and application layer says: the value for PROFINET devices.
 SYS_SERVICES = 78
 #: IANAifType: ethernetCsmacd.
 ETHERNET_CSMACD = 6
+_MTU = 1500
 #: ifAdminStatus and ifOperStatus.
 _UP, _DOWN = 1, 2
 #: snmpEnableAuthenTraps and ifLinkUpDownTrapEnable: this agent sends none.
@@ -89,7 +92,7 @@ def _statistic(which: Statistic) -> Scalar:
 
 SYSTEM_SCALARS = (
     Scalar((*SYSTEM, 1), lambda r: display_text(r.view.system.description)),
-    Scalar((*SYSTEM, 2), lambda r: object_id(r.view.system.object_id)),
+    Scalar((*SYSTEM, 2), lambda _: object_id(PROFINET_OBJECT_ID)),
     Scalar((*SYSTEM, 3), lambda r: time_ticks(r.view.system.uptime_ns)),
     Scalar((*SYSTEM, 4), lambda r: display_text(r.view.system.contact)),
     Scalar((*SYSTEM, 5), lambda r: display_text(r.view.system.name)),
@@ -110,12 +113,12 @@ _IF_COLUMNS = (
     (1, lambda row: integer(row.index)),
     (2, lambda row: display_text(row.description)),
     (3, lambda _: integer(ETHERNET_CSMACD)),
-    (4, lambda row: integer(row.mtu)),
+    (4, lambda _: integer(_MTU)),
     (5, lambda row: gauge32(row.speed)),
     (6, lambda row: octets(row.mac)),
     (7, lambda _: integer(_UP)),
     (8, _status),
-    (9, lambda row: time_ticks(row.last_change_ns)),
+    (9, lambda _: time_ticks(0)),
     (10, lambda row: counter32(row.counters.in_octets)),
     (11, lambda row: counter32(row.counters.in_unicast)),
     (12, lambda row: counter32(row.counters.in_multicast + row.counters.in_broadcast)),
@@ -126,7 +129,7 @@ _IF_COLUMNS = (
     (17, lambda row: counter32(row.counters.out_unicast)),
     (18, lambda row: counter32(row.counters.out_multicast + row.counters.out_broadcast)),
     (19, lambda row: counter32(row.counters.out_discards)),
-    (20, lambda row: counter32(row.counters.out_errors)),
+    (20, lambda _: counter32(0)),
     (21, lambda _: gauge32(0)),
     (22, lambda _: object_id(_ZERO_DOT_ZERO)),
 )

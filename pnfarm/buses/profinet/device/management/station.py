@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.device.management.neighbour_rows import management_view
 from pnfarm.buses.profinet.device.management.neighbours import port_numbers
 from pnfarm.protocols.profinet.snmp.view import (
     ADMIN_DISABLED,
@@ -23,7 +22,6 @@ from pnfarm.protocols.profinet.snmp.view import (
     LldpPortView,
     LldpStatistics,
     LldpView,
-    PnoPort,
     SnmpView,
     SystemText,
     SystemView,
@@ -93,26 +91,21 @@ def snmp_view(station: DeviceParts, now: int) -> SnmpView:
         )
     )
     own = agent.lldp.system
-    chassis = own.chassis
     heard = station.neighbour_rows.views(agent.lldp.neighbours, numbers[0], station.booted_ns)
     lldp = LldpView(
-        chassis_id=chassis.value,
-        chassis_id_subtype=chassis.subtype,
-        system_name=station.name,
-        system_description=own.description,
+        system=own,
         ports=tuple(
             LldpPortView(
                 number=number,
-                port_id=own.port_id(replace(agent.lldp.port, number=number)).value,
+                port_id=own.port_id(replace(agent.lldp.port, number=number)),
                 description=agent.lldp.port.description if number == numbers[0] else f"port {number}",
+                mac_phy=agent.lldp.port.mac_phy,
                 admin_status=_admin_status(agent, number),
                 tlvs_enabled=_EVERY_TLV if agent.enabled else b"\x00",
-                pno=PnoPort(station_name=station.name),
                 statistics=_lldp_statistics(agent) if number == numbers[0] else LldpPortStatistics(),
             )
             for number in numbers
         ),
-        addresses=(management_view(own.management),),
         neighbours=tuple(heard),
         statistics=LldpStatistics(
             last_change_ns=max(0, agent.changed_ns - station.booted_ns),
