@@ -15,7 +15,6 @@ from cmctl_peers import (
     line,
     ready_payload,
     rta_codes,
-    with_block,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,16 +24,11 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     ArAborted,
     ArFailed,
     ArReleased,
-    Connected,
     RecordRead,
     RecordWriteDone,
 )
 from pnfarm.protocols.profinet.errors import OK, RtaError, rta_status
 from pnfarm.protocols.profinet.wire.alarms.rta import error_status, parse_rta, rta_error
-from pnfarm.protocols.profinet.wire.block import BlockType
-from pnfarm.protocols.profinet.wire.cm.connect import (
-    AlarmCrBlockRes,
-)
 from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum, PnioStatus
 from pnfarm.wire.ethernet import VlanTag
@@ -338,12 +332,3 @@ def test_random_octets_as_answers_raise_nothing(payload: bytes, status: int) -> 
     up = line(ScriptedDevice(dict.fromkeys(Opnum, lambda *_: (PnioStatus.from_int(status), payload))))
     up.start()
     assert isinstance(up.events[-1], ArFailed)
-
-
-def test_alarm_parameters_of_the_device_are_handed_on() -> None:
-    def long_alarms(status: PnioStatus, payload: bytes) -> tuple[PnioStatus, bytes]:
-        return status, with_block(payload, AlarmCrBlockRes(1, 9, 1432), BlockType.ALARM_CR_RES)
-
-    connected = line(ScriptedDevice({Opnum.CONNECT: long_alarms})).start()[0]
-    assert isinstance(connected, Connected)
-    assert (connected.device_alarm_reference, connected.device_max_alarm_data_length) == (9, 1432)

@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 from cmctl_peers import (
     AR_UUID,
-    DEVICE_ALARM_REFERENCE,
     DEVICE_MAC,
     OUTPUT_FRAME_ID,
     RECORDS,
@@ -61,7 +60,6 @@ def test_connected_has_the_frame_ids_of_the_devices_answer() -> None:
     assert inputs == replace(up.controller.layouts[0], frame_id=0x8061)
     assert outputs.frame_id == OUTPUT_FRAME_ID
     assert connected.device_mac == up.controller.device_mac == DEVICE_MAC
-    assert connected.device_alarm_reference == DEVICE_ALARM_REFERENCE
 
 
 def test_a_device_that_assigns_another_input_frame_id_is_followed() -> None:

@@ -25,6 +25,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.dcp.rules import (
     NO_DNS,
     RESET_CLEARS,
+    RESET_MODES,
     AbortRequired,
     DcpDeviceEvent,
     DcpIdentity,
@@ -412,7 +413,7 @@ class DcpDevice:
         if mode not in _RESET_MODES:
             return BlockError.SUBOPTION_NOT_SET
         reset = ResetMode(mode)
-        if reset not in self.identity.reset_modes:
+        if reset not in RESET_MODES:
             return BlockError.SUBOPTION_NOT_SUPPORTED
         self._end_operation(RtaError.RESET_TO_FACTORY)
         clears = RESET_CLEARS[reset]

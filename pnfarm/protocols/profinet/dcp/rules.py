@@ -120,7 +120,6 @@ class DcpIdentity:
     instance: tuple[int, int] = (0, 1)
     role: int = 1
     oem: tuple[int, int] | None = None
-    reset_modes: frozenset[ResetMode] = RESET_MODES
 
 
 @dataclass(frozen=True, slots=True)

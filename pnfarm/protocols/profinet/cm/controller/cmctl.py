@@ -376,15 +376,7 @@ class CmController:
         self.layouts = tuple(replace(layout, frame_id=frame_id) for layout, frame_id in answered)
         self._device_mac = accepted.device_mac
         self._alarms.open(accepted)
-        self._events.append(
-            Connected(
-                self.layouts,
-                accepted.device_mac,
-                accepted.alarm_reference,
-                accepted.max_alarm_data_length,
-                accepted.module_diff,
-            )
-        )
+        self._events.append(Connected(self.layouts, accepted.device_mac, accepted.module_diff))
         self._submodules.differ(accepted.module_diff)
         self._take_submodules(now)
         self._send_parameters()

@@ -77,8 +77,6 @@ class Connected:
 
     layouts: tuple[IocrLayout, ...]
     device_mac: bytes
-    device_alarm_reference: int
-    device_max_alarm_data_length: int
     module_diff: tuple[ModuleDeviation, ...]
 
 
