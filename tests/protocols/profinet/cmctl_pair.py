@@ -12,7 +12,6 @@ from pnfarm.protocols.profinet.cm.ar import Ar
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
 from pnfarm.protocols.profinet.cm.controller.events import (
     CmctlEvent,
-    Timeouts,
 )
 from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
 from pnfarm.protocols.profinet.cm.device import events as device_events
@@ -122,14 +121,14 @@ class Pair:
         self.run()
 
 
-def pair(description: DeviceDescription = DRIVE, timeouts: Timeouts | None = None, **changes: object) -> Pair:
-    return pair_of(make_plan(**changes), description, timeouts)
+def pair(description: DeviceDescription = DRIVE, **changes: object) -> Pair:
+    return pair_of(make_plan(**changes), description)
 
 
-def pair_of(plan: ArPlan, description: DeviceDescription, timeouts: Timeouts | None = None) -> Pair:
+def pair_of(plan: ArPlan, description: DeviceDescription) -> Pair:
     plugged, records = Plugged(description), Memory()
     device = CmDevice(description, plugged, records, mac=DEVICE_MAC, station_name="axis-01", diagnosis=DiagnosisStore())
-    return Pair(CmController(plan, timeouts), device, plugged, records)
+    return Pair(CmController(plan), device, plugged, records)
 
 
 def device_fit_for(plan: ArPlan) -> DeviceDescription:

@@ -9,7 +9,7 @@ from uuid import UUID
 from hypothesis import strategies as st
 
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmController, CmctlState
-from pnfarm.protocols.profinet.cm.controller.events import ArFailed, CmctlEvent, ControllerCall, Timeouts
+from pnfarm.protocols.profinet.cm.controller.events import ArFailed, CmctlEvent, ControllerCall
 from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.wire.alarms.rta import error_status, parse_rta
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
@@ -230,8 +230,8 @@ SUBSTITUTE = ModuleDiffBlock(
 )
 
 
-def line(device: ScriptedDevice | None = None, timeouts: Timeouts | None = None, **changes: object) -> Line:
-    return Line(CmController(make_plan(**changes), timeouts), device or ScriptedDevice())
+def line(device: ScriptedDevice | None = None, **changes: object) -> Line:
+    return Line(CmController(make_plan(**changes)), device or ScriptedDevice())
 
 
 def established(device: ScriptedDevice | None = None, **changes: object) -> Line:

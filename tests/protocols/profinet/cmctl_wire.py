@@ -13,7 +13,7 @@ from cmctl_peers import DEVICE_MAC, make_plan
 
 from pnfarm.protocols.profinet.cm.ar import Ar
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
-from pnfarm.protocols.profinet.cm.controller.events import ArEstablished, CmctlEvent, SubmodulesChanged, Timeouts
+from pnfarm.protocols.profinet.cm.controller.events import ArEstablished, CmctlEvent, SubmodulesChanged
 from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
 from pnfarm.protocols.profinet.cm.device import events as device_events
 from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
@@ -90,7 +90,7 @@ class Wire:
         self.late: set[tuple[int, int]] = set()
         self._kept: list[Callable[[], None]] = []
 
-    def join(self, timeouts: Timeouts | None = None, **changes: object) -> End:
+    def join(self, **changes: object) -> End:
         """One more controller; it gets an identity of its own."""
         number = len(self.ends) + 1
         own = {
@@ -103,13 +103,13 @@ class Wire:
             "input_frame_id": 0x8000 + number,
         }
         plan: ArPlan = make_plan(**{**own, **changes})
-        end = End(CmController(plan, timeouts), Peer(IPv4Address(f"10.77.0.{number}"), 49152))
+        end = End(CmController(plan), Peer(IPv4Address(f"10.77.0.{number}"), 49152))
         self.ends.append(end)
         return end
 
-    def up(self, timeouts: Timeouts | None = None, **changes: object) -> End:
+    def up(self, **changes: object) -> End:
         """One more controller, connected."""
-        end = self.join(timeouts, **changes)
+        end = self.join(**changes)
         end.machine.connect(self.now)
         self.run()
         assert ArEstablished() in end.events, end.events

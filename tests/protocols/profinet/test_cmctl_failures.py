@@ -35,7 +35,6 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     ArFailed,
     Connected,
     RecordWriteDone,
-    Timeouts,
 )
 from pnfarm.protocols.profinet.cm.controller.response import addressed_ar
 from pnfarm.protocols.profinet.errors import OK, RtaError
@@ -101,14 +100,14 @@ def test_an_unusable_connect_response_fails_and_the_device_is_told_by_release(ca
 
 
 def test_a_silent_device_fails_the_connect_after_its_time() -> None:
-    up = line(ScriptedDevice({Opnum.CONNECT: lambda *_: None}), Timeouts(connect_ns=2 * SECOND))
+    up = line(ScriptedDevice({Opnum.CONNECT: lambda *_: None}))
     up.controller.connect(up.now)
     assert up.run() == []
-    assert up.controller.next_deadline() == up.now + 2 * SECOND
-    up.controller.handle_timeout(up.now + 2 * SECOND - 1)
+    assert up.controller.next_deadline() == up.now + 10 * SECOND
+    up.controller.handle_timeout(up.now + 10 * SECOND - 1)
     assert up.run() == []
-    up.controller.handle_timeout(up.now + 2 * SECOND)
-    assert up.run() == [ArFailed("connect", None, "no answer to Connect within 2 s")]
+    up.controller.handle_timeout(up.now + 10 * SECOND)
+    assert up.run() == [ArFailed("connect", None, "no answer to Connect within 10 s")]
     assert up.controller.next_deadline() is None
     up.controller.call_returned(up.unanswered[0], OK, b"", up.now)
     assert up.controller.dropped == {"late-answer": 1}
@@ -244,7 +243,7 @@ def test_a_bad_answer_to_prm_end_fails_the_start_up_and_aborts_the_device(case: 
 
 
 def test_a_device_that_never_gets_ready_fails_the_start_up() -> None:
-    up = line(timeouts=Timeouts(application_ready_ns=30 * SECOND))
+    up = line(application_ready_ns=30 * SECOND)
     up.controller.connect(up.now)
     up.run()
     assert up.controller.next_deadline() == up.now + 30 * SECOND

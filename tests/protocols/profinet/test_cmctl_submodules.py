@@ -13,7 +13,6 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     ParametersEnded,
     RecordWriteDone,
     SubmodulesChanged,
-    Timeouts,
 )
 from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
@@ -164,7 +163,7 @@ def test_a_refused_record_after_a_plug_keeps_the_submodule_out() -> None:
 
 def test_a_device_that_is_never_ready_after_a_plug_loses_that_submodule_and_keeps_its_connection() -> None:
     wire = Wire()
-    end = wire.up(Timeouts(application_ready_ns=3 * SECOND))
+    end = wire.up(application_ready_ns=3 * SECOND)
     wire.device.pull(1, 2, wire.now)
     wire.ready = False
     wire.device.plug(1, None, wire.now)

@@ -20,7 +20,6 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     Connected,
     RecordRead,
     RecordWriteDone,
-    Timeouts,
 )
 from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, PlannedSubmodule
 from pnfarm.protocols.profinet.cm.device import events as device_events
@@ -221,7 +220,7 @@ def test_an_expired_watchdog_of_either_end_ends_both(side: str) -> None:
 
 
 def test_a_withheld_application_ready_ends_the_start_up_at_both_ends() -> None:
-    both = pair(timeouts=Timeouts(application_ready_ns=5 * SECOND))
+    both = pair(application_ready_ns=5 * SECOND)
     both.ready = False
     both.start()
     assert both.controller.state is CmctlState.W_ARDY

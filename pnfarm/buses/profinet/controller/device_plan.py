@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pnfarm.buses.controllers.device_plan import IpPlan, PlannedDevice
 from pnfarm.buses.controllers.signal_steps import SignalSteps
-from pnfarm.protocols.profinet.cm.controller.events import Timeouts
-from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
+from pnfarm.protocols.profinet.cm.controller.plan import APPLICATION_READY_NS, ArPlan
 from pnfarm.protocols.profinet.wire.cm.connect import ArType
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT
 from pnfarm.wire.rtc import SEND_CLOCK_NS
@@ -50,7 +49,7 @@ class DevicePlan(PlannedDevice):
     instance: int = 1
     multiple_write: bool = False
     #: Longest time from the end of parametrisation to ApplicationReady.
-    application_ready_ns: int = Timeouts().application_ready_ns
+    application_ready_ns: int = APPLICATION_READY_NS
     #: Whether I&M0 to I&M3 are read once the connection is established.
     read_identification: bool = True
     #: The one that is expected, empty for any.

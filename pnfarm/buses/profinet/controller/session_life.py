@@ -24,7 +24,6 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     RecordRead,
     RecordWriteDone,
     SubmodulesChanged,
-    Timeouts,
 )
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.wire.alarms.texts import only_disappears
@@ -147,7 +146,6 @@ class SessionLife(Life[DeviceSession]):
                 input_frame_id=session.frame_id,
                 alarm_cr=AlarmCrBlockReq(local_alarm_reference=session.index + 1),
             ),
-            Timeouts(application_ready_ns=plan.application_ready_ns),
         )
         session.machine, session.ar_uuid = machine, uuid
         self.by_ar[uuid] = session

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
     from uuid import UUID
 
-    from pnfarm.protocols.profinet.cm.controller.events import Timeouts
     from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord
 
 __all__ = ["Answer", "CallQueue", "Kind", "Pending", "first_refusal", "read_result", "write_results"]
@@ -56,6 +55,10 @@ class Kind(Named):
 
 #: Calls that make sense without the AR, too.
 _OUTLIVE_THE_AR = {Kind.READ_IMPLICIT, Kind.RELEASE, Kind.RELEASE_UNUSABLE}
+
+#: The longest that a call may take; the RPC client repeats it within.
+_CALL_NS = 10_000_000_000
+_RELEASE_NS = 5_000_000_000
 
 
 @dataclass(slots=True)
@@ -97,21 +100,7 @@ class Answer:
 class CallQueue:
     """First in, first out; the next call goes out when the one before has ended."""
 
-    def __init__(self, timeouts: Timeouts) -> None:
-        self._limits = {
-            Kind.CONNECT: timeouts.connect_ns,
-            Kind.PARAMETERS: timeouts.write_ns,
-            Kind.PARAMETER_END: timeouts.parameter_end_ns,
-            Kind.RELEASE: timeouts.release_ns,
-            Kind.RELEASE_UNUSABLE: timeouts.release_ns,
-            Kind.READ: timeouts.record_ns,
-            Kind.WRITE: timeouts.record_ns,
-            Kind.READ_IMPLICIT: timeouts.record_ns,
-            Kind.ROUND_BEGIN: timeouts.parameter_end_ns,
-            Kind.ROUND_WRITE: timeouts.write_ns,
-            Kind.ROUND_END: timeouts.parameter_end_ns,
-            Kind.ROUND_END_PLUG: timeouts.parameter_end_ns,
-        }
+    def __init__(self) -> None:
         self._waiting: deque[Pending] = deque()
         self._under_way: Pending | None = None
         self._next_key = 1
@@ -140,7 +129,8 @@ class CallQueue:
         """Append a call."""
         call = ControllerCall(self._next_key, int(opnum), args_maximum(opnum, payload, len(wants), length), payload)
         self._next_key += 1
-        self._waiting.append(Pending(kind, call, self._limits[kind], wants, tags, length, owner))
+        limit = _RELEASE_NS if kind in {Kind.RELEASE, Kind.RELEASE_UNUSABLE} else _CALL_NS
+        self._waiting.append(Pending(kind, call, limit, wants, tags, length, owner))
 
     def put_read(self, kind: Kind, ar_uuid: UUID, place: tuple[int, int, int, int], length: int, tag: Hashable) -> None:
         """Append the read of a record: ``place`` is API, slot, subslot and index."""

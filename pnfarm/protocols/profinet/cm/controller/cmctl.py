@@ -54,7 +54,6 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     Parametrised,
     RecordRead,
     RecordWriteDone,
-    Timeouts,
 )
 from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
 from pnfarm.protocols.profinet.cm.controller.rounds import Ready
@@ -89,22 +88,21 @@ class CmController:
     ``dropped`` counts unexpected inputs, by reason.
     """
 
-    def __init__(self, plan: ArPlan, timeouts: Timeouts | None = None) -> None:
+    def __init__(self, plan: ArPlan) -> None:
         """Computes the layout of the frames.  Raises ConfigError if the plan's data do not fit."""
         self.plan = plan
-        self.timeouts = timeouts if timeouts is not None else Timeouts()
         self.layouts = plan_frames(plan)
         self.dropped: Counter[str] = Counter()
         self._state = CmctlState.IDLE
         self._device_mac: bytes | None = None
-        self._calls = CallQueue(self.timeouts)
+        self._calls = CallQueue()
         self._parameters_open = 0
         self._held_ready: Ready | None = None
         self._ready_deadline: int | None = None
         self._events: list[CmctlEvent] = []
         self._responses: list[tuple[Any, PnioStatus, bytes]] = []
         self._alarms = ControllerAlarms(plan, self.dropped)
-        self._submodules = ControllerSubmodules(plan, self._calls, self.timeouts, self.dropped)
+        self._submodules = ControllerSubmodules(plan, self._calls, self.dropped)
 
     @property
     def state(self) -> CmctlState:
@@ -205,7 +203,7 @@ class CmController:
             reason = f"no answer to {pending.kind.value} within {pending.timeout_ns / 1e9:g} s"
             self._ended(pending, Answer(None, reason=reason), now)
         if self._ready_deadline is not None and now >= self._ready_deadline:
-            seconds = self.timeouts.application_ready_ns / 1e9
+            seconds = self.plan.application_ready_ns / 1e9
             reason = f"no ApplicationReady from the device within {seconds:g} s"
             self._signal(CmctlSignal.FAULT, CmctlEnd(reason, rta=RtaError.ABORT_REQUEST), now)
         self._submodules.rounds.handle_timeout(now)
@@ -402,7 +400,7 @@ class CmController:
         self._calls.put(Kind.PARAMETER_END, Opnum.CONTROL, request.parameter_end_payload(self.plan))
 
     def _do_parametrised(self, _before: CmctlState, _detail: None, now: int) -> None:
-        self._ready_deadline = now + self.timeouts.application_ready_ns
+        self._ready_deadline = now + self.plan.application_ready_ns
         self._events.append(Parametrised())
         if self._held_ready is not None:
             held, self._held_ready = self._held_ready, None

@@ -35,27 +35,10 @@ __all__ = [
     "RecordRead",
     "RecordWriteDone",
     "SubmodulesChanged",
-    "Timeouts",
 ]
 
 #: Phase of a start-up that failed.
 Phase = Literal["connect", "write", "parameter-end", "application-ready"]
-
-
-@dataclass(frozen=True, slots=True)
-class Timeouts:
-    """How long each phase may take, nanoseconds.
-
-    The RPC client does the retries; these limit the total time.  ``application_ready`` runs
-    from the end of parametrisation; a GSDML file may name another time (RemoteApplicationTimeout).
-    """
-
-    connect_ns: int = 10_000_000_000
-    write_ns: int = 10_000_000_000
-    parameter_end_ns: int = 10_000_000_000
-    application_ready_ns: int = 20_000_000_000
-    release_ns: int = 5_000_000_000
-    record_ns: int = 10_000_000_000
 
 
 @value_class

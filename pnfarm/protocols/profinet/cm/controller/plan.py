@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.wire.alarms.texts import DiagnosisTexts
 
-__all__ = ["MAX_SLOT", "ArPlan", "Clock", "ParameterRecord", "PlannedSubmodule", "ordered"]
+__all__ = ["APPLICATION_READY_NS", "MAX_SLOT", "ArPlan", "Clock", "ParameterRecord", "PlannedSubmodule", "ordered"]
 
 #: SendClockFactor and ReductionRatio.
 Clock = tuple[int, int]
@@ -85,6 +85,7 @@ class ParameterRecord:
     data: bytes
 
 
+APPLICATION_READY_NS = 20_000_000_000
 _ALARM_CR = AlarmCrBlockReq(local_alarm_reference=1)
 
 
@@ -115,6 +116,8 @@ class ArPlan:
     device_access: bool = False
     startup: Literal["legacy", "advanced"] = "legacy"
     activity_timeout_factor: int = 600
+    #: Longest time from the end of parametrisation to ApplicationReady; a GSDML file may name another.
+    application_ready_ns: int = APPLICATION_READY_NS
     records: tuple[ParameterRecord, ...] = ()
     multiple_write: bool = False
     #: Octets of one MultipleWrite's record; what does not fit goes into a further one.

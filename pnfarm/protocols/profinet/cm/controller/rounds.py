@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey
     from pnfarm.protocols.profinet.cm.controller.calls import CallQueue
-    from pnfarm.protocols.profinet.cm.controller.events import RecordWriteDone, Timeouts
+    from pnfarm.protocols.profinet.cm.controller.events import RecordWriteDone
     from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
 
 __all__ = ["ROUND_TRANSITIONS", "Ready", "Round", "RoundEnded", "RoundSignal", "RoundState", "Rounds"]
@@ -129,10 +129,9 @@ _Action: TypeAlias = "Callable[[Rounds, Round, Any, int], None]"
 class Rounds:
     """The rounds of one AR.  ``calls`` and ``dropped`` are the AR's."""
 
-    def __init__(self, plan: ArPlan, calls: CallQueue, timeouts: Timeouts, dropped: Counter[str]) -> None:
+    def __init__(self, plan: ArPlan, calls: CallQueue, dropped: Counter[str]) -> None:
         self._plan = plan
         self._calls = calls
-        self._timeouts = timeouts
         self._dropped = dropped
         self._rounds: list[Round] = []
         self._events: list[RoundEnded | RecordWriteDone | Ready] = []
@@ -230,7 +229,7 @@ class Rounds:
     def handle_timeout(self, now: int) -> None:
         for standing in list(self._rounds):
             if standing.deadline is not None and now >= standing.deadline:
-                seconds = self._timeouts.application_ready_ns / 1e9
+                seconds = self._plan.application_ready_ns / 1e9
                 reason = f"no ApplicationReady from the device within {seconds:g} s"
                 if standing.begins:
                     self._signal(standing, RoundSignal.FAULT, (reason, RtaError.ABORT_REQUEST), now)
@@ -282,7 +281,7 @@ class Rounds:
         standing.held = ready
 
     def _await(self, standing: Round, _detail: None, now: int) -> None:
-        standing.deadline = now + self._timeouts.application_ready_ns
+        standing.deadline = now + self._plan.application_ready_ns
         if standing.held is not None:
             held, standing.held = standing.held, None
             self._signal(standing, RoundSignal.READY_IND, held, now)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey
     from pnfarm.protocols.profinet.cm.controller.calls import CallQueue
-    from pnfarm.protocols.profinet.cm.controller.events import RecordWriteDone, Timeouts
+    from pnfarm.protocols.profinet.cm.controller.events import RecordWriteDone
     from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
     from pnfarm.protocols.profinet.cm.controller.response import ModuleDeviation
     from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification
@@ -46,8 +46,8 @@ _BROUGHT_BACK = frozenset({AlarmType.PLUG, AlarmType.RELEASED})
 class ControllerSubmodules:
     """See the module's docstring.  ``calls`` and ``dropped`` are the AR's."""
 
-    def __init__(self, plan: ArPlan, calls: CallQueue, timeouts: Timeouts, dropped: Counter[str]) -> None:
-        self.rounds = Rounds(plan, calls, timeouts, dropped)
+    def __init__(self, plan: ArPlan, calls: CallQueue, dropped: Counter[str]) -> None:
+        self.rounds = Rounds(plan, calls, dropped)
         self._keys = tuple((s.api, s.slot, s.subslot) for s in plan.sorted_submodules)
         self._why: dict[ExpectedKey, str] = {}
         self._reported: dict[ExpectedKey, str] = {}
