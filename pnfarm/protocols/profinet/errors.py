@@ -317,15 +317,10 @@ _CODE2: dict[int, type[IntEnum]] = {
 
 @dataclass(frozen=True, slots=True)
 class RecordError:
-    """Why a record handler refused; it becomes a PNIOStatus with the decode PNIORW.
-
-    The two additional values are u16 and go into the response header.
-    """
+    """Why a record handler refused; it becomes a PNIOStatus with the decode PNIORW."""
 
     error_code1: int
     error_code2: int = 0
-    additional_value1: int = 0
-    additional_value2: int = 0
 
     def status(self, service: int) -> PnioStatus:
         """``service`` is :attr:`ErrorCode.READ` or :attr:`ErrorCode.WRITE`."""

@@ -41,7 +41,7 @@ class Application:
         from pnfarm.protocols.profinet.errors import AccessError, RecordError
 
         if index == 13:
-            return RecordError(AccessError.INVALID_PARAMETER, additional_value1=77)
+            return RecordError(AccessError.INVALID_PARAMETER)
         self.kept[api, slot, subslot, index] = data
         return None
 
@@ -162,7 +162,7 @@ def test_a_refused_record_of_a_container_is_the_answer_and_stops_no_other(bench)
     status, answer = bench.call(3, request)
     assert status.ok
     _, first, second = parse_write_response(answer)
-    assert (first.index, first.status.error_code1, first.additional_value1) == (0x80B0, 0xB8, 77)
+    assert (first.index, first.status.error_code1) == (0x80B0, 0xB8)
     assert (second.index, second.status.ok) == (7, True)
     assert sorted(key[3] for key in bench.records._application.kept) == [5, 6, 7]
     assert [e.index for e in bench.events() if isinstance(e, RecordWritten)] == [5, 6, 7]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
@@ -77,9 +77,8 @@ def _version_fault(service: ErrorCode, version: int) -> PnioStatus:
     return pnio_error(service, ConnectFault.RECORD, field)
 
 
-def _write_response(h: IodWriteReqHeader, status: PnioStatus, error: RecordError | None = None) -> IodWriteResHeader:
-    values = (error.additional_value1, error.additional_value2) if error else (0, 0)
-    return IodWriteResHeader(h.sequence_number, h.ar_uuid, h.api, h.slot, h.subslot, h.index, 0, *values, status)
+def _write_response(h: IodWriteReqHeader, status: PnioStatus, length: int = 0) -> IodWriteResHeader:
+    return IodWriteResHeader(*h.about, length, status=status)
 
 
 def _write_one(
@@ -98,7 +97,7 @@ def _write_one(
     if error is None and h.index == Index.COMBINED_OBJECT_CONTAINER:
         error, written = _write_contents(ar, parse_container(write.data), handler, now)
     if error is not None:
-        return _write_response(h, error.status(ErrorCode.WRITE), error), written
+        return _write_response(h, error.status(ErrorCode.WRITE)), written
     return _write_response(h, OK), written
 
 
@@ -145,7 +144,7 @@ def serve_write(
     except DecodeError as exc:
         refused = _undecodable(ErrorCode.WRITE, exc).status
         # a refused write, too, answers with its header
-        header = IodWriteResHeader(0, NIL_UUID, 0, 0, 0, 0, 0, 0, 0, refused)
+        header = IodWriteResHeader(0, NIL_UUID, 0, 0, 0, 0, status=refused)
         return ServedCall(refused, _fitting(emit_write_response((header,)), args_maximum))
     ar = find_ar(request.header.ar_uuid)
     if ar is None:
@@ -165,10 +164,7 @@ def serve_write(
         events += written
     if not request.multiple:
         return ServedCall(headers[0].status, emit_write_response(headers), ar, tuple(events))
-    h = request.header
-    outer = IodWriteResHeader(
-        h.sequence_number, h.ar_uuid, h.api, h.slot, h.subslot, h.index, IOD_HEADER_SIZE * len(headers)
-    )
+    outer = _write_response(request.header, OK, IOD_HEADER_SIZE * len(headers))
     return ServedCall(OK, emit_write_response((outer, *headers)), ar, tuple(events))
 
 
@@ -211,14 +207,11 @@ def serve_read(
     ar, status = _read_ar(request, find_ar, implicit=implicit)
     if not status.ok:
         return ServedCall(status)
-    header = IodReadResHeader(
-        request.sequence_number, request.ar_uuid, request.api, request.slot, request.subslot, request.index
-    )
+    header = IodReadResHeader(*request.about)
     room = max(0, min(request.record_data_length, args_maximum - IOD_HEADER_SIZE))
     answer = handler.read(ar, request.api, request.slot, request.subslot, request.index, room, now)
     touched = ar if not implicit or request.index == Index.CONNECTION_MONITORING else None
     if isinstance(answer, RecordError):
-        header = replace(header, additional_value1=answer.additional_value1, additional_value2=answer.additional_value2)
         return ServedCall(answer.status(ErrorCode.READ), _fitting(emit_read_response(header), args_maximum), touched)
     if args_maximum < IOD_HEADER_SIZE:
         return ServedCall(pnio_error(ErrorCode.READ, ConnectFault.CMRPC, CmrpcError.ARGS_LENGTH_INVALID), b"", touched)

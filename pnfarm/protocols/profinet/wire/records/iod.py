@@ -7,6 +7,7 @@ The header's BlockLength covers the header alone (60); the record's octets follo
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Self
+from uuid import UUID
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.block import VERSION_1_0, BlockType, expect_padding
@@ -53,6 +54,11 @@ class _Header(Structure):
     subslot: UInt16
     index: Annotated[UInt16, Pad(2)]
     record_data_length: UInt32 = 0
+
+    @property
+    def about(self) -> tuple[int, UUID, int, int, int, int]:
+        """What an answer's header repeats of its request's."""
+        return self.sequence_number, self.ar_uuid, self.api, self.slot, self.subslot, self.index
 
     @classmethod
     def read(cls, r: Reader, **_outside: Any) -> Self:
