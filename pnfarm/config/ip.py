@@ -32,6 +32,7 @@ __all__ = [
     "Macs",
     "auto_mac",
     "check_addresses",
+    "check_controller_host",
     "check_host",
     "nth_ip",
 ]
@@ -230,6 +231,18 @@ def check_host(at: Location, ip: IPv4Interface | None, report: Report) -> None:
     first, last = hosts_of(ip.network)
     if not first <= int(ip) <= last:
         report(at, f"{ip.ip} is the network's or the broadcast address of {ip.network}", _hosts(first, last))
+
+
+def check_controller_host(ip: IPv4Interface | None, groups: Iterable[tuple[str, IpDrives]], report: Report) -> None:
+    """Whether a controller has an address that a station can have, and reaches each group, given with its label."""
+    if ip is None:
+        return
+    at: Location = ("controller", "ip")
+    check_host(at, ip, report)
+    for label, group in groups:
+        if group.ip is not None and group.gateway is None and group.ip.ip not in ip.network:
+            what = f"{ip} cannot reach {label}, {group.ip}, which has no gateway"
+            report(at, what, f"an address in {group.ip.network}")
 
 
 def _hosts(first: int, last: int) -> str:

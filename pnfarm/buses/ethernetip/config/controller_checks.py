@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.config.ip import check_host
+from pnfarm.config.ip import check_controller_host, check_host
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.quoting import shown
 
@@ -41,13 +41,7 @@ def check_controller(
 ) -> None:
     """The controller's own keys, and each group's packet interval where the controller gives it."""
     at: Location = ("controller",)
-    if controller.ip is not None:
-        check_host((*at, "ip"), controller.ip, report)
-        for placed in groups:
-            group = placed.group
-            if group.ip is not None and group.gateway is None and group.ip.ip not in controller.ip.network:
-                what = f"{controller.ip} cannot reach {placed.label}, {group.ip}, which has no gateway"
-                report((*at, "ip"), what, f"an address in {group.ip.network}")
+    check_controller_host(controller.ip, ((placed.label, placed.group) for placed in groups), report)
     program = controller.program
     if program.python is not None:
         what = "is not possible on EtherNet/IP: a program of your own has the signals of a telegram"

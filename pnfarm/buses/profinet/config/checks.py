@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.profinet.axis_slots import axis_shifts, axis_stride, model_slots
 from pnfarm.buses.profinet.config.clock import MAX_WATCHDOG_NS
 from pnfarm.buses.profinet.config.send_clock import Clock, clock_key, clock_of, own_cycle_ns
-from pnfarm.config.ip import check_host
+from pnfarm.config.ip import check_controller_host, check_host
 from pnfarm.drives.description.identity_modules import absent
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.controller.plan import MAX_SLOT
@@ -160,13 +160,7 @@ def check_controller(
     """The controller's own keys, and each group's cycle against its send clock."""
     at: Location = ("controller",)
     check_name((*at, "name"), controller.name, report)
-    if controller.ip is not None:
-        check_host((*at, "ip"), controller.ip, report)
-        for placed in groups:
-            group = placed.group
-            if group.ip is not None and group.gateway is None and group.ip.ip not in controller.ip.network:
-                what = f"{controller.ip} cannot reach {placed.label}, {group.ip}, which has no gateway"
-                report((*at, "ip"), what, f"an address in {group.ip.network}")
+    check_controller_host(controller.ip, ((placed.label, placed.group) for placed in groups), report)
     try:
         general = clock_of(controller)
     except ValueError as error:
