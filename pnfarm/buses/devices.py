@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 from pnfarm.errors import InternalError
 
@@ -28,24 +30,32 @@ class DeviceRows:
     pieces: int
 
 
-class DevicesPart(Protocol):
+class DevicesPart(ABC):
     """A bus's part of ``devices:``; groups and devices are the bus's own."""
 
+    #: The module that reads their files: for farm files with devices only.
+    file_reader: ClassVar[str]
+
     @property
+    @abstractmethod
     def devices(self) -> type[DeviceGroup]:
         """The keys of a group on this bus."""
 
+    @abstractmethod
     def check_devices_group(self, at: Location, group: Any, report: Report) -> None:
         """Check a group's own keys."""
 
-    def describe(self, at: Location, group: Any, folder: Path, report: Report) -> DeviceGroup:
-        """The group with what its file, relative to ``folder``, says; as it was where that is wrong, and reported."""
+    def describe(self, at: Location, group: DeviceGroup, folder: Path, report: Report) -> DeviceGroup:
+        """The group with what its file, relative to ``folder``, says; as it was where that is wrong, and reported.
 
+        ``describe_group`` of the bus's ``file_reader`` makes it of the file; its ``sentences()`` are for people.
+        """
+        found = import_module(self.file_reader).describe_group(at, group, folder, report)
+        return group if found is None else group.adopting(found)
+
+    @abstractmethod
     def device(self, common: DeviceConfig, group: Any, step: int, macs: Macs) -> DeviceConfig:
         """A described group's device number ``step``, whose name is counted already."""
-
-    def sentences(self, group: Any) -> list[str]:
-        """What was taken from the file of a described group, for people."""
 
 
 @runtime_checkable

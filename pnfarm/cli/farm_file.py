@@ -233,10 +233,8 @@ def summary(config: FarmConfig) -> str:
 
 def described(config: FarmConfig) -> Iterator[str]:
     """What was taken from the files of the farm's devices, group by group."""
-    from pnfarm.farm.file.choice import device_part
-
     for group in config.devices:
-        for sentence in device_part(group).sentences(group):
+        for sentence in group.described.sentences() if group.is_described else ():
             yield f"{group.name}: {sentence}"
 
 

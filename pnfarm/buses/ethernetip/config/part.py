@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.devices import DevicesPart
 from pnfarm.buses.ethernetip.config import checks, controller_checks
 from pnfarm.buses.ethernetip.config.controller import EthernetIpController
 from pnfarm.buses.ethernetip.config.device import EthernetIpDeviceConfig, EthernetIpDevices
@@ -14,19 +14,16 @@ from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.config.ip import nth_ip
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from pnfarm.buses.farm_file import Expansion
     from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
     from pnfarm.config.ip import Macs
     from pnfarm.config.known import ModelFacts
-    from pnfarm.vocabulary.issues import Location, Report
 
 __all__ = ["ETHERNETIP_PART", "EthernetIpPart"]
 
 
-class EthernetIpPart(FarmFilePart[EthernetIpDrives, EthernetIpController]):
+class EthernetIpPart(FarmFilePart[EthernetIpDrives, EthernetIpController], DevicesPart):
     """See the module's docstring."""
 
     drives = EthernetIpDrives
@@ -53,24 +50,12 @@ class EthernetIpPart(FarmFilePart[EthernetIpDrives, EthernetIpController]):
 
     # -- devices by their files (pnfarm.buses.devices) ----------------------------------------------------------------
 
-    @property
-    def devices(self) -> type[EthernetIpDevices]:
-        return EthernetIpDevices
-
-    def check_devices_group(self, at: Location, group: EthernetIpDevices, report: Report) -> None:
-        checks.check_group(at, group, report)
-
-    def describe(self, at: Location, group: EthernetIpDevices, folder: Path, report: Report) -> EthernetIpDevices:
-        # the reader of EDS files is for farm files with devices only
-        module = import_module("pnfarm.buses.ethernetip.described.from_file")
-        described = module.describe_group(at, group, folder, report)
-        return group if described is None else group.adopting(described)
+    devices = EthernetIpDevices
+    file_reader = "pnfarm.buses.ethernetip.described.from_file"
+    check_devices_group = staticmethod(checks.check_group)
 
     def device(self, common: DeviceConfig, group: EthernetIpDevices, step: int, macs: Macs) -> EthernetIpDeviceConfig:
         return EthernetIpDeviceConfig.of(common, group, step, macs, rpi_ns=group.rpi_ns)
-
-    def sentences(self, group: EthernetIpDevices) -> list[str]:
-        return [] if group.described is None else list(group.described.sentences())
 
 
 ETHERNETIP_PART = EthernetIpPart()

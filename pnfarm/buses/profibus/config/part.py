@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.devices import DevicesPart
 from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.buses.profibus.config import checks
 from pnfarm.buses.profibus.config.controller import ProfibusController
@@ -13,8 +13,6 @@ from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS, ProfibusDriveCon
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from pnfarm.buses.farm_file import Expansion
     from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
@@ -25,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["PROFIBUS_PART", "ProfibusPart"]
 
 
-class ProfibusPart(FarmFilePart[ProfibusDrives, ProfibusController]):
+class ProfibusPart(FarmFilePart[ProfibusDrives, ProfibusController], DevicesPart):
     """See the module's docstring."""
 
     drives = ProfibusDrives
@@ -49,17 +47,11 @@ class ProfibusPart(FarmFilePart[ProfibusDrives, ProfibusController]):
 
     # -- devices by their files (pnfarm.buses.devices) ----------------------------------------------------------------
 
-    @property
-    def devices(self) -> type[ProfibusDevices]:
-        return ProfibusDevices
+    devices = ProfibusDevices
+    file_reader = "pnfarm.buses.profibus.described.from_file"
 
     def check_devices_group(self, at: Location, group: ProfibusDevices, report: Report) -> None:
         checks.check_count(at, "address", group.address, group.count, report)
-
-    def describe(self, at: Location, group: ProfibusDevices, folder: Path, report: Report) -> ProfibusDevices:
-        # the reader of GSD files is for farm files with devices only
-        described = import_module("pnfarm.buses.profibus.described.from_file").describe_group(at, group, folder, report)
-        return group if described is None else group.adopting(described)
 
     def device(self, common: DeviceConfig, group: ProfibusDevices, step: int, macs: Macs) -> ProfibusDeviceConfig:
         del macs
@@ -69,9 +61,6 @@ class ProfibusPart(FarmFilePart[ProfibusDrives, ProfibusController]):
         return ProfibusDeviceConfig.extending(
             common, kinds=group.described.kinds, described=group.described, address=address
         )
-
-    def sentences(self, group: ProfibusDevices) -> list[str]:
-        return [] if group.described is None else group.described.sentences()
 
 
 PROFIBUS_PART = ProfibusPart()

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.devices import DevicesPart
 from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.buses.profinet.config import checks
 from pnfarm.buses.profinet.config.controller import ProfinetController
@@ -16,21 +16,18 @@ from pnfarm.config.drive import AxisConfig
 from pnfarm.config.ip import check_addresses, nth_ip
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from pnfarm.buses.farm_file import Expansion
     from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
     from pnfarm.config.ip import Macs
     from pnfarm.config.known import ModelFacts
-    from pnfarm.vocabulary.issues import Location, Report
 
 __all__ = ["PROFINET_PART", "ProfinetPart"]
 
 _CLOCK = ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor")
 
 
-class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
+class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController], DevicesPart):
     """See the module's docstring."""
 
     drives = ProfinetDrives
@@ -80,25 +77,14 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
 
     # -- devices by their files (pnfarm.buses.devices) ----------------------------------------------------------------
 
-    @property
-    def devices(self) -> type[ProfinetDevices]:
-        return ProfinetDevices
-
-    def check_devices_group(self, at: Location, group: ProfinetDevices, report: Report) -> None:
-        check_addresses(at, group, report)
-
-    def describe(self, at: Location, group: ProfinetDevices, folder: Path, report: Report) -> ProfinetDevices:
-        # the reader of GSDML files is for farm files with devices only
-        described = import_module("pnfarm.buses.profinet.described.from_file").describe_group(at, group, folder, report)
-        return group if described is None else group.adopting(described)
+    devices = ProfinetDevices
+    file_reader = "pnfarm.buses.profinet.described.from_file"
+    check_devices_group = staticmethod(check_addresses)
 
     def device(self, common: DeviceConfig, group: ProfinetDevices, step: int, macs: Macs) -> ProfinetDeviceConfig:
         return ProfinetDeviceConfig.of(
             common, group, step, macs, hello=group.hello, cycle_ns=group.cycle_ns, cycles=group.cycles
         )
-
-    def sentences(self, group: ProfinetDevices) -> list[str]:
-        return [] if group.described is None else group.described.sentences()
 
 
 PROFINET_PART = ProfinetPart()
