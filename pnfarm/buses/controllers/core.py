@@ -21,6 +21,7 @@ from pnfarm.engine.columns import Columns, allocate
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.table import engine_row, program
+from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 from pnfarm.table.access.record_fields import field_views
 from pnfarm.table.channel import W_START
 from pnfarm.table.image import LOST_NEVER
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from pnfarm.buses.controllers.device_plan import PlannedDevice
     from pnfarm.buses.controllers.session_life import Life
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
-    from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
 __all__ = ["DriveCore", "SessionCore"]
 
@@ -73,6 +73,12 @@ class DriveCore(Controller):
         for row, (_, axis) in zip(self.columns.program, self.axes, strict=True):
             configure(row, axis.program, asdict(axis.steps) | {"life": axis.life})
         self.link.set_receiver(self.receive)
+
+    def _add_plain(self, place: int, outputs: tuple[int, int], inputs: tuple[int, int]) -> ProvidedData:
+        """What a device without axes is sent, and what comes from it: octets and pieces of each; gives the former."""
+        provided = ProvidedData(self.columns.provided, place, *outputs)
+        self.plain[self.devices[place].name] = provided, ConsumedData(self.columns.consumed, place, *inputs)
+        return provided
 
     def _place(self, name: str) -> int:
         """The place of a device, by its name or an axis's.  Raises :class:`ConfigError` for an unknown one."""

@@ -19,7 +19,6 @@ from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire.encapsulation import IO_PORT
 from pnfarm.protocols.enip.wire.epath import logical_path
 from pnfarm.protocols.enip.wire.message import message_request
-from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 from pnfarm.wire.endpoint import DatagramReceived, Services, StreamClosed, StreamOpened, StreamReceived
 
 if TYPE_CHECKING:
@@ -45,15 +44,10 @@ class EthernetIpCore(SessionCore[DeviceSession]):
         plain = [session for session in sessions if session.plan.plain]
         # one that is opened again leaves the pieces of before to the engine until its next tick
         super().__init__(plan, host, sessions, pieces=4 * len(plain))
-        self.plain |= {
-            session.plan.name: (
-                ProvidedData(self.columns.provided, session.index, session.plan.connection.output_octets, 1),
-                ConsumedData(self.columns.consumed, session.index, session.plan.connection.input_octets, 1),
-            )
-            for session in plain
-        }
         for session in plain:
-            self.plain[session.plan.name][0].write({0: session.plan.outputs})
+            way = session.plan.connection
+            outputs = self._add_plain(session.index, (way.output_octets, 1), (way.input_octets, 1))
+            outputs.write({0: session.plan.outputs})
         self._sockets = sockets
         self._address = plan.ip
         self.channels = SessionChannels(self.columns, self.port, plan.ip.ip, sockets)

@@ -26,7 +26,6 @@ from pnfarm.protocols.profibus.record_request import RecordRequest
 from pnfarm.protocols.profibus.wire.dp import StationStatus
 from pnfarm.protocols.profibus.wire.dpv1 import MOST_USER_DATA
 from pnfarm.protocols.profibus.wire.telegram import parse_telegram
-from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 from pnfarm.table.image import LOST_EXPIRED
 
 if TYPE_CHECKING:
@@ -66,9 +65,8 @@ class ProfibusCore(DriveCore):
     def _plain(self, place: int, device: DevicePlan) -> Callable[[], bytes]:
         """Rows of a device without axes; what gives its outputs."""
         slave = device.slave
-        outputs = ProvidedData(self.columns.provided, place, slave.output_octets, 0)
+        outputs = self._add_plain(place, (slave.output_octets, 0), (slave.input_octets, 1))
         outputs.write({0: device.outputs})
-        self.plain[device.name] = outputs, ConsumedData(self.columns.consumed, place, slave.input_octets, 1)
         return outputs.read
 
     def start(self, now: int) -> None:

@@ -43,7 +43,6 @@ from pnfarm.protocols.profinet.wire.dcp.blocks import (
 from pnfarm.protocols.profinet.wire.dcp.pdu import TYPE_REQUEST
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_CONTROLLER, UUID_PNIO_DEVICE, Opnum, object_uuid
-from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
@@ -87,15 +86,10 @@ class ProfinetCore(SessionCore[DeviceSession]):
         super().__init__(plan, host, sessions, pieces=pieces)
         name, port, ip, count = plan.name, self.port, plan.ip, len(plan.devices)
         self.channels = SessionChannels(self.columns, port)
-        self.plain |= {
-            session.plan.name: (
-                ProvidedData(self.columns.provided, session.index, outputs.octets, len(outputs.places)),
-                ConsumedData(self.columns.consumed, session.index, inputs.octets, len(inputs.places)),
-            )
-            for session in sessions
-            if session.plan.plain is not None and pieces
-            for outputs, inputs in (session.plan.plain,)
-        }
+        for place, layout in enumerate(layouts if pieces else ()):
+            if layout:
+                outputs, inputs = ((one.octets, len(one.places)) for one in layout)
+                self._add_plain(place, outputs, inputs)
         self._uuids = uuid_source(host.seed + port.mac)
         self._object_uuid = object_uuid(1, DEVICE_ID, VENDOR_ID)
         self.dcp = DcpClient(port.mac)
