@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profibus.device.device import ProfibusDevice
     from pnfarm.drives.description.model import Model
     from pnfarm.links.base import Link, Port
-    from pnfarm.links.serial.link import Splitter
+    from pnfarm.protocols.profibus.splitter import Splitter
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 
@@ -65,9 +65,9 @@ class Profibus(ImportingBus, ProjectBus, CheckingBus):
         return bits_ns(longest_tsdr_bits(baud), baud)
 
     def splitter(self, baud: int) -> Splitter:
-        from pnfarm.buses.profibus.device.line import TelegramSplitter
+        from pnfarm.protocols.profibus.splitter import Splitter
 
-        return TelegramSplitter(baud)
+        return Splitter(baud)
 
     def device(self, station: Station, services: DeviceServices) -> ProfibusDevice:
         from pnfarm.buses.profibus.device.device import ProfibusDevice

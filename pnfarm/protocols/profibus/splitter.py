@@ -7,9 +7,10 @@ from collections import Counter
 from typing import Final
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profibus.wire.telegram import SC, SD1, SD2, SD3, SD4, Line, parse_telegram, telegram_length
+from pnfarm.protocols.profibus.wire.telegram import SC, SD1, SD2, SD3, SD4, parse_telegram, telegram_length
+from pnfarm.protocols.profibus.wire.timing import SYN_BITS, bits_ns, line_ns
 
-__all__ = ["Split", "Splitter"]
+__all__ = ["Splitter"]
 
 #: What a telegram that is incomplete at the end of a pause counts as.
 CUT_OFF: Final = "cut-off"
@@ -18,55 +19,44 @@ GARBAGE: Final = "garbage"
 
 _BEGINS: Final = re.compile(b"[" + re.escape(bytes((SD1, SD2, SD3, SD4, SC))) + b"]")
 
-#: A telegram, and its octets.
-Split = tuple[Line, bytes]
+#: A driver hands over what it has: pieces of one telegram are apart by no more than this, whatever the rate.
+LEAST_PAUSE_NS: Final = 5_000_000
 
 
-def _whole(octets: bytes) -> Line | None:
-    """The telegram that these octets are, no more and no less: most pieces are one."""
+def _is_whole(octets: bytes) -> bool:
+    """Whether these octets are one telegram, no more and no less: most pieces are."""
     try:
-        return parse_telegram(octets)
+        parse_telegram(octets)
     except DecodeError:
-        return None
+        return False
+    return True
 
 
 class Splitter:
-    """Octets in any pieces in, whole telegrams out.
+    """Octets in any pieces in, whole telegrams out; for :class:`pnfarm.links.serial.link.SerialLink`.
 
-    ``pause_ns``: octets of one telegram follow each other without a gap (4.7.3); after a pause that long a new one
-    begins; 0: never.  Pieces that a driver delivers may be apart by more than the line's own times, so it is the
-    line's user who says how long.
+    Octets of one telegram follow each other without a gap (4.7.3): after ``pause_ns`` a new one begins.
     """
 
-    def __init__(self, pause_ns: int = 0) -> None:
-        self.pause_ns = pause_ns
+    def __init__(self, baud: int) -> None:
+        self.pause_ns = max(LEAST_PAUSE_NS, line_ns(2, baud) + bits_ns(SYN_BITS, baud))
         #: What was wrong, by reason; ``garbage`` counts octets.
         self.dropped: Counter[str] = Counter()
         self._waiting = bytearray()
         self._last_ns = 0
 
-    def takes_whole(self, octets: bytes, now: int) -> bool:
-        """Whether nothing waits and these octets are one telegram, which is taken then.  Else they are to be fed."""
-        if self._waiting or _whole(octets) is None:
-            return False
-        self._last_ns = now
-        return True
-
-    def feed(self, octets: bytes, now: int) -> list[Split]:
+    def split(self, octets: bytes, now: int) -> list[bytes]:
         """The telegrams that are whole now, in order."""
-        if not self._waiting and (whole := _whole(octets)) is not None:
-            self._last_ns = now
-            return [(whole, octets)]
-        found: list[Split] = []
-        if self._waiting and self.pause_ns and now - self._last_ns >= self.pause_ns:
-            found = self._cut()
+        found = self.handle_timeout(now)
         self._last_ns = now
+        if not self._waiting and _is_whole(octets):
+            return [*found, octets]
         self._waiting += octets
         return found + self._split()
 
-    def _split(self) -> list[Split]:
+    def _split(self) -> list[bytes]:
         waiting = bytes(self._waiting)
-        found: list[Split] = []
+        found: list[bytes] = []
         place, end = 0, len(waiting)
         while place < end:
             begins = _BEGINS.search(waiting, place)
@@ -80,7 +70,8 @@ class Splitter:
                 if length is None or place + length > end:
                     break
                 whole = waiting[place : place + length]
-                found.append((parse_telegram(whole), whole))
+                parse_telegram(whole)
+                found.append(whole)
                 place += length
             except DecodeError as exc:
                 # the next octet may begin one: what seemed a telegram may have been data of a broken one
@@ -91,24 +82,19 @@ class Splitter:
 
     def next_deadline(self) -> int | None:
         """When an incomplete telegram is given up."""
-        return self._last_ns + self.pause_ns if self._waiting and self.pause_ns else None
+        return self._last_ns + self.pause_ns if self._waiting else None
 
-    def handle_timeout(self, now: int) -> list[Split]:
+    def handle_timeout(self, now: int) -> list[bytes]:
         """Give up what is incomplete; telegrams that it hid are found."""
-        if not self._waiting or not self.pause_ns or now - self._last_ns < self.pause_ns:
-            return []
-        return self._cut()
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether no telegram is incomplete."""
-        return not self._waiting
-
-    def _cut(self) -> list[Split]:
-        found: list[Split] = []
-        while self._waiting:
+        found: list[bytes] = []
+        while self._waiting and now - self._last_ns >= self.pause_ns:
             # what seemed the start of a telegram is none; the rest may hold one
             self.dropped[CUT_OFF] += 1
             del self._waiting[0]
             found += self._split()
         return found
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether no telegram is incomplete."""
+        return not self._waiting

@@ -80,37 +80,38 @@ def test_a_broken_telegram_says_what_is_wrong(octets, reason):
 @given(st.lists(LINES, max_size=8), st.randoms())
 def test_telegrams_in_any_pieces_are_found_in_order(telegrams, rng):
     octets = b"".join(emit_telegram(one) for one in telegrams)
-    splitter, found, place = Splitter(), [], 0
+    splitter, found, place = Splitter(1_500_000), [], 0
     while place < len(octets):
         step = rng.randint(1, 40)
-        found += [one for one, _ in splitter.feed(octets[place : place + step], 0)]
+        found += [parse_telegram(one) for one in splitter.split(octets[place : place + step], 0)]
         place += step
     assert found == telegrams
     assert not splitter.dropped
 
 
 def test_a_telegram_behind_noise_is_found_and_a_pause_ends_a_broken_one():
-    splitter = Splitter(pause_ns=1000)
+    splitter = Splitter(1_500_000)
+    pause = splitter.pause_ns
     good = emit_telegram(Telegram(3, 2, 0x49))
-    assert [one for one, _ in splitter.feed(b"\x00\x55\x16" + good, 0)] == [Telegram(3, 2, 0x49)]
+    assert splitter.split(b"\x00\x55\x16" + good, 0) == [good]
     assert splitter.dropped["garbage"] == 3
     broken = emit_telegram(Telegram(3, 2, 0x6D, 60, 62, bytes(20)))[:12]
-    assert splitter.feed(broken, 10) == []
-    assert splitter.next_deadline() == 1010
-    assert splitter.feed(good, 5000)[-1][0] == Telegram(3, 2, 0x49)
+    assert splitter.split(broken, 10) == []
+    assert splitter.next_deadline() == 10 + pause
+    assert splitter.split(good, 5 * pause)[-1] == good
     assert splitter.dropped["cut-off"] >= 1
-    splitter.feed(broken, 6000)
-    assert splitter.handle_timeout(6500) == []
-    splitter.handle_timeout(7000)
+    splitter.split(broken, 6 * pause)
+    assert splitter.handle_timeout(7 * pause - 1) == []
+    splitter.handle_timeout(7 * pause)
     assert splitter.is_whole
 
 
 def test_a_million_octets_of_noise_are_counted_and_hold_nothing():
-    splitter = Splitter()
+    splitter = Splitter(1_500_000)
     rng = random.Random(1)
     begin = time.process_time()
     for _ in range(500):
-        splitter.feed(rng.randbytes(2000), 0)
+        splitter.split(rng.randbytes(2000), 0)
     # each octet is looked at a bounded number of times
     assert time.process_time() - begin < 60
     assert splitter.dropped["garbage"] > 100_000
