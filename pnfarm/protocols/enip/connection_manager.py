@@ -33,7 +33,7 @@ from pnfarm.protocols.enip.connection import (
 from pnfarm.protocols.enip.connection_check import Refusal, check_explicit, check_io, check_key, read_path
 from pnfarm.protocols.enip.connection_states import CONNECTION, ConnectionEvent
 from pnfarm.protocols.enip.message_router import MESSAGE_ROUTER, MessageRouter, Origin
-from pnfarm.protocols.enip.object import Answer, refused
+from pnfarm.protocols.enip.object import Answer, cut_or_long, refused
 from pnfarm.protocols.enip.status import ConnectionStatus, GeneralStatus, Service
 from pnfarm.protocols.enip.wire.cpf import AF_INET, SocketAddress
 from pnfarm.protocols.enip.wire.forward_open import (
@@ -90,7 +90,7 @@ class ConnectionManager:
         self._watchdogs = Deadlines()
         self._last_number = 0
         self._next_id = (incarnation & 0xFFFF) << 16
-        router.add_origin_services(CONNECTION_MANAGER, self)
+        router.add_origin_services(CONNECTION_MANAGER, self.origin_service)
 
     # -- services ----------------------------------------------------------------------------------------------------
 
@@ -112,7 +112,7 @@ class ConnectionManager:
             request = parse_forward_open(data, large)
         except DecodeError as exc:
             self.counts["open_format_rejects"] += 1
-            return refused(GeneralStatus.NOT_ENOUGH_DATA if exc.reason == "short" else GeneralStatus.TOO_MUCH_DATA)
+            return cut_or_long(exc)
         try:
             asked = self._check(request, origin)
             connection = self._create(asked, origin, now)
@@ -262,7 +262,7 @@ class ConnectionManager:
             request = ForwardClose.parse(data)
         except DecodeError as exc:
             self.counts["close_format_rejects"] += 1
-            return refused(GeneralStatus.NOT_ENOUGH_DATA if exc.reason == "short" else GeneralStatus.TOO_MUCH_DATA)
+            return cut_or_long(exc)
         for connection in self.connections.values():
             if connection.triad == request.triad:
                 self._end(connection, ConnectionEvent.CLOSE, CloseReason.FORWARD_CLOSE, now)

@@ -1,7 +1,7 @@
 """The Message Router: one request in, one reply out (CIP volume 1, chapter 5A-3 and appendix A-4).
 
 It finds class and instance of the path and carries out the services that need no more than reading and writing
-attributes.  Services of the Connection Manager depend on who asks; :class:`OriginServices` takes these.
+attributes.  Services of the Connection Manager depend on who asks; it takes these itself.
 
 =============================================  ==========================================================
 error                                          general status
@@ -19,12 +19,13 @@ a reply that does not fit                      0x11 reply data too large
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.connection_check import ASSEMBLY
-from pnfarm.protocols.enip.object import Answer, CipObject, refused
+from pnfarm.protocols.enip.object import Answer, CipObject, cut_or_long, refused
 from pnfarm.protocols.enip.status import GeneralStatus, Service
 from pnfarm.protocols.enip.wire.epath import Logical, LogicalSegment, parse_epath
 from pnfarm.protocols.enip.wire.message import (
@@ -38,12 +39,12 @@ from pnfarm.protocols.enip.wire.message import (
 from pnfarm.wire.octets import Reader, Writer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
     from ipaddress import IPv4Address
 
     from pnfarm.protocols.enip.wire.cpf import SocketAddress
 
-__all__ = ["MESSAGE_ROUTER", "MessageRouter", "ObjectPath", "Origin", "OriginServices", "object_path"]
+__all__ = ["MESSAGE_ROUTER", "MessageRouter", "ObjectPath", "Origin", "OriginService", "object_path"]
 
 MESSAGE_ROUTER: Final = 0x02
 #: Octets of a reply without extended status and data.
@@ -61,11 +62,8 @@ class Origin:
     reply_items: list[SocketAddress] = field(default_factory=list)
 
 
-class OriginServices(Protocol):
-    """An object whose services depend on who asks."""
-
-    def origin_service(self, origin: Origin, service: int, data: bytes, now: int) -> Answer | None:
-        """None for a service that depends on no originator."""
+#: A service that depends on who asks: originator, service, data, now; None for one that depends on no originator.
+OriginService = Callable[[Origin, int, bytes, int], Answer | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +96,7 @@ class MessageRouter:
 
     def __init__(self, objects: Iterable[CipObject]) -> None:
         self._objects: dict[int, CipObject] = {}
-        self._origin_services: dict[int, OriginServices] = {}
+        self._origin_services: dict[int, OriginService] = {}
         #: Asked about each request whose class and instance exist; the answer to refuse it with, or None.
         self.refuse: Callable[[ObjectPath, int], Answer | None] | None = None
         for one in objects:
@@ -110,7 +108,7 @@ class MessageRouter:
             raise ValueError(f"class 0x{one.class_id:02X} appears twice")
         self._objects[one.class_id] = one
 
-    def add_origin_services(self, class_id: int, services: OriginServices) -> None:
+    def add_origin_services(self, class_id: int, services: OriginService) -> None:
         self._origin_services[class_id] = services
 
     @property
@@ -147,7 +145,7 @@ class MessageRouter:
             return refusal
         services = self._origin_services.get(path.class_id)
         if origin is not None and services is not None and path.instance_id:
-            answer = services.origin_service(origin, request.service, request.data, now)
+            answer = services(origin, request.service, request.data, now)
             if answer is not None:
                 return answer
         if path.class_id == MESSAGE_ROUTER and request.service == Service.MULTIPLE_SERVICE_PACKET:
@@ -205,7 +203,7 @@ def _attribute_list(target: CipObject, instance: int, data: bytes, room: int) ->
         numbers = [r.u16() for _ in range(r.u16())]
         r.expect_end()
     except DecodeError as exc:
-        return refused(GeneralStatus.NOT_ENOUGH_DATA if exc.reason == "short" else GeneralStatus.TOO_MUCH_DATA)
+        return cut_or_long(exc)
     w, status = Writer(little=True).u16(len(numbers)), GeneralStatus.SUCCESS
     for number in numbers:
         answer = target.get(instance, number)

@@ -18,7 +18,7 @@ from pnfarm.wire.octets import Reader, Writer
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Mapping
 
-__all__ = ["SUCCESS", "Answer", "Attribute", "AttributeObject", "CipObject", "refused"]
+__all__ = ["SUCCESS", "Answer", "Attribute", "AttributeObject", "CipObject", "cut_or_long", "refused", "size_status"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +39,18 @@ SUCCESS = Answer()
 
 def refused(status: int, *extended: int) -> Answer:
     return Answer(status, b"", extended)
+
+
+def cut_or_long(error: DecodeError) -> Answer:
+    """The answer to data that end too early, or go on after their end."""
+    return refused(GeneralStatus.NOT_ENOUGH_DATA if error.reason == "short" else GeneralStatus.TOO_MUCH_DATA)
+
+
+def size_status(length: int, size: int) -> GeneralStatus:
+    """Of data that should have ``size`` octets."""
+    if length == size:
+        return GeneralStatus.SUCCESS
+    return GeneralStatus.NOT_ENOUGH_DATA if length < size else GeneralStatus.TOO_MUCH_DATA
 
 
 class CipObject(Protocol):
@@ -109,14 +121,12 @@ class AttributeObject:
         if found.write is None:
             return refused(GeneralStatus.ATTRIBUTE_NOT_SETTABLE)
         if found.kind is None:
-            if found.size is not None and len(data) != found.size:
-                return refused(_size_status(len(data), found.size))
-            return refused(found.write(data))
+            wrong = size_status(len(data), len(data) if found.size is None else found.size)
+            return refused(wrong or found.write(data))
         try:
             value = found.kind.parse(data)
         except DecodeError as exc:
-            short = exc.reason == "short"
-            return refused(GeneralStatus.NOT_ENOUGH_DATA if short else GeneralStatus.TOO_MUCH_DATA)
+            return cut_or_long(exc)
         return refused(found.write(value))
 
     def service(self, instance: int, service: int, data: bytes) -> Answer:
@@ -153,7 +163,7 @@ class AttributeObject:
                 w.u16(number).u16(answer.status)
             r.expect_end()
         except DecodeError as exc:
-            return refused(GeneralStatus.NOT_ENOUGH_DATA if exc.reason == "short" else GeneralStatus.TOO_MUCH_DATA)
+            return cut_or_long(exc)
         return Answer(status, w.getvalue())
 
 
@@ -163,7 +173,3 @@ def _octets(attribute: Attribute) -> bytes:
         return attribute.kind.emit(value)
     assert isinstance(value, bytes)
     return value
-
-
-def _size_status(length: int, size: int) -> GeneralStatus:
-    return GeneralStatus.NOT_ENOUGH_DATA if length < size else GeneralStatus.TOO_MUCH_DATA

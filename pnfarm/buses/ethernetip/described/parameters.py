@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 from pnfarm.buses.ethernetip.device.objects.shared import class_attribute
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.message_router import object_path
-from pnfarm.protocols.enip.object import SUCCESS, Answer, refused
+from pnfarm.protocols.enip.object import SUCCESS, Answer, refused, size_status
 from pnfarm.protocols.enip.status import GeneralStatus, Service
 from pnfarm.protocols.enip.wire.data_types import INT, SHORT_STRING, UINT, USINT, WORD
 
@@ -66,9 +66,8 @@ class ParameterValues:
 
     def judged(self, parameter: Parameter, octets: bytes) -> GeneralStatus:
         """Whether the file allows a value; without strict limits any of the right length."""
-        size = parameter.type.octets
-        if len(octets) != size:
-            return GeneralStatus.NOT_ENOUGH_DATA if len(octets) < size else GeneralStatus.TOO_MUCH_DATA
+        if status := size_status(len(octets), parameter.type.octets):
+            return status
         wrong = self._strict and parameter.complaint(octets) != ""
         return GeneralStatus.INVALID_ATTRIBUTE_VALUE if wrong else GeneralStatus.SUCCESS
 
@@ -156,8 +155,8 @@ class ParameterObject:
         if row is not None and service == Service.GET_ATTRIBUTES_ALL:
             return Answer(data=b"".join(self._attribute(row, number) or b"" for number in _ALL))
         if row is not None and service == _GET_ENUM_STRING:
-            if len(data) != 2:
-                return refused(GeneralStatus.NOT_ENOUGH_DATA if len(data) < 2 else GeneralStatus.TOO_MUCH_DATA)
+            if status := size_status(len(data), 2):
+                return refused(status)
             text = row.enums.get(int.from_bytes(data, "little"))
             if text is None:
                 return refused(GeneralStatus.INVALID_PARAMETER)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.parameters.parameter import ParameterErrorNumber
-from pnfarm.protocols.enip.object import Answer, refused
+from pnfarm.protocols.enip.object import Answer, refused, size_status
 from pnfarm.protocols.enip.status import GeneralStatus
 
 if TYPE_CHECKING:
@@ -41,10 +41,8 @@ def octets_of(value: int, size: int) -> bytes:
 
 def integer_of(data: bytes, size: int, *, signed: bool) -> int | Answer:
     """The integer of data with exactly ``size`` octets, or the answer to another length."""
-    if len(data) < size:
-        return refused(GeneralStatus.NOT_ENOUGH_DATA)
-    if len(data) > size:
-        return refused(GeneralStatus.TOO_MUCH_DATA)
+    if wrong := size_status(len(data), size):
+        return refused(wrong)
     return int.from_bytes(data, "little", signed=signed)
 
 
