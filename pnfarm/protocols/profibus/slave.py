@@ -527,6 +527,7 @@ class Slave:
 
     def _parameters_wrong(self, parameters: Parameters) -> str | None:
         options = self.options
+        self.faults.unsupported = False
         if self.refuse_parameters is not None:
             return self.refuse_parameters
         if self.refuse_set_up is not None and (refused := self.refuse_set_up()) is not None:

@@ -219,6 +219,16 @@ def test_what_the_slave_lacks_is_not_supported(options, user, lacking):
     assert refused == f"{lacking} not supported"
 
 
+def test_a_refused_set_prm_says_nothing_of_what_the_one_before_it_asked_for():
+    bench = Bench(supports_freeze=False)
+    bench.parameters(LOCK | PrmStatus.FREEZE_REQ)
+    assert bench.diagnosis().status & StationStatus.NOT_SUPPORTED
+    bench.parameters(ident=IDENT + 1)
+    status = bench.diagnosis().status
+    assert status & StationStatus.PRM_FAULT
+    assert not status & StationStatus.NOT_SUPPORTED
+
+
 def test_a_slave_lacks_nothing_that_it_was_not_asked_for():
     bench = Bench(supports_sync=False, supports_freeze=False)
     bench.parameters(PrmStatus.LOCK_REQ | PrmStatus.WD_ON)
