@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from pnfarm.buses.ethernetip.device.objects.shared import class_attribute
+from pnfarm.buses.ethernetip.device.objects.shared import Values, class_attribute
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.message_router import object_path
 from pnfarm.protocols.enip.object import SUCCESS, Answer, refused, size_status
@@ -164,7 +164,7 @@ class ParameterObject:
         return refused(GeneralStatus.SERVICE_NOT_SUPPORTED)
 
 
-class PathObject:
+class PathObject(Values):
     """A class of the device's own with the parameters whose paths name it, by instance and attribute."""
 
     def __init__(self, class_id: int, values: ParameterValues, places: Mapping[tuple[int, int], Parameter]) -> None:
@@ -190,10 +190,6 @@ class PathObject:
         if found is None:
             return refused(GeneralStatus.ATTRIBUTE_NOT_SUPPORTED)
         return _answer(self._values.write(found, data))
-
-    def service(self, instance: int, service: int, data: bytes) -> Answer:  # noqa: ARG002 - the protocol's shape
-        """The file names none."""
-        return refused(GeneralStatus.SERVICE_NOT_SUPPORTED)
 
 
 def objects_at_paths(values: ParameterValues) -> list[CipObject]:

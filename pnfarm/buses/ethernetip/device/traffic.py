@@ -23,7 +23,6 @@ class Traffic:
         self.octets_in = self.octets_out = 0
         self.messages_in = self.messages_out = 0
         self.broadcasts_in = 0
-        self.discards = 0
 
     def received(self, octets: int, *, broadcast: bool = False) -> None:
         self.octets_in += octets
@@ -41,6 +40,6 @@ class Traffic:
         now = self._channels.packets()
         octets_in, taken, octets_out, sent, multicast = (new - old for new, old in zip(now, self._before, strict=True))
         return [
-            self.octets_in + octets_in, self.messages_in + taken, self.broadcasts_in, self.discards, 0, 0,
+            self.octets_in + octets_in, self.messages_in + taken, self.broadcasts_in, 0, 0, 0,
             self.octets_out + octets_out, self.messages_out + sent, multicast, 0, 0,
         ]  # fmt: skip

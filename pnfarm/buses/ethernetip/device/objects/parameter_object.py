@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.ethernetip.device.objects.shared import class_attribute, integer_of, octets_of, status_of
+from pnfarm.buses.ethernetip.device.objects.shared import Values, class_attribute, integer_of, octets_of, status_of
 from pnfarm.drives.parameters.parameter import Backing, ParameterError
 from pnfarm.drives.profiles.cip.part import Scaling
 from pnfarm.protocols.enip.object import SUCCESS, Answer, refused
@@ -25,7 +25,7 @@ COMMAND_SIZES = frozenset({1, 2, 4})
 LONG, SHORT = 8, 4
 
 
-class ParameterObject:
+class ParameterObject(Values):
     """``enable`` switches the drive on or off as attribute 0x11 of the position controller does: DRV.EN."""
 
     class_id = PARAMETER_CLASS
@@ -72,10 +72,6 @@ class ParameterObject:
         size = SHORT if row.size == LONG and len(data) == SHORT else row.size
         value = integer_of(data, size, signed=row.signed)
         return value if isinstance(value, Answer) else self._write(instance, value)
-
-    def service(self, instance: int, service: int, data: bytes) -> Answer:  # noqa: ARG002 - the protocol's shape
-        """6.1.1 has two services, reading and writing a value: there is no other."""
-        return refused(GeneralStatus.SERVICE_NOT_SUPPORTED)
 
     def _execute(self, instance: int, data: bytes) -> Answer:
         if not data:

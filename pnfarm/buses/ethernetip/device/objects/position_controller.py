@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.ethernetip.device.objects.shared import class_attribute, integer_of, octets_of, status_of
+from pnfarm.buses.ethernetip.device.objects.shared import Values, class_attribute, integer_of, octets_of, status_of
 from pnfarm.buses.ethernetip.device.objects.values import POSITION_UNITS, PROFILE_UNITS
 from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.firmware.ethernetip.attributes import ATTRIBUTES, attribute_value
@@ -47,7 +47,7 @@ POSITION_MODE = 2
 RAMPS = {ACCELERATION: ("HOME.ACC", "DRV.ACC"), DECELERATION: ("HOME.DEC", "DRV.DEC")}
 
 
-class PositionController:
+class PositionController(Values):
     """Motion goes to the firmware by settings of the axis record; parameters go to the store."""
 
     class_id = CONTROLLER_CLASS
@@ -99,10 +99,6 @@ class PositionController:
         except ParameterError as exc:
             return refused(status_of(exc))
 
-    def service(self, instance: int, service: int, data: bytes) -> Answer:  # noqa: ARG002 - the protocol's shape
-        """6.1.1 has two services, reading and writing a value: there is no other."""
-        return refused(GeneralStatus.SERVICE_NOT_SUPPORTED)
-
     def enable(self, on: bool) -> Answer:
         """Attribute 0x11, and DRV.EN; while a controller sends assemblies, their Enable bit decides."""
         self._settings.enable = int(on)
@@ -115,8 +111,6 @@ class PositionController:
         return 0 if row is None else row.size
 
     def _row(self, instance: int, attribute: int) -> CipAttribute | Answer:
-        if instance not in {0, ONLY}:
-            return refused(GeneralStatus.OBJECT_DOES_NOT_EXIST)
         row = self._rows.get((CONTROLLER_CLASS, attribute))
         if instance == 0 or row is None:
             return refused(GeneralStatus.ATTRIBUTE_NOT_SUPPORTED)
@@ -184,14 +178,13 @@ class PositionController:
         return SUCCESS
 
 
-class Supervisor:
+class Supervisor(Values):
     """Class 0x24: whether the drive has a fault."""
 
     class_id = SUPERVISOR_CLASS
 
     def __init__(self, store: ParameterStore) -> None:
         self._store = store
-        self._rows = store.model.cip.attributes
 
     @property
     def instances(self) -> Container[int]:
@@ -200,8 +193,6 @@ class Supervisor:
     def get(self, instance: int, attribute: int) -> Answer:
         if instance == 0:
             return class_attribute(attribute, ONLY, ONLY)
-        if instance != ONLY:
-            return refused(GeneralStatus.OBJECT_DOES_NOT_EXIST)
         if attribute != GENERAL_FAULT:
             return refused(GeneralStatus.ATTRIBUTE_NOT_SUPPORTED)
         return Answer(data=bytes([int(self._store.handle.axis.faults.code[0] != 0)]))
@@ -210,7 +201,3 @@ class Supervisor:
         """Nothing of it can be written."""
         found = self.get(instance, attribute)
         return refused(GeneralStatus.ATTRIBUTE_NOT_SETTABLE) if found.ok else found
-
-    def service(self, instance: int, service: int, data: bytes) -> Answer:  # noqa: ARG002 - the protocol's shape
-        """6.1.1 has two services, reading and writing a value: there is no other."""
-        return refused(GeneralStatus.SERVICE_NOT_SUPPORTED)

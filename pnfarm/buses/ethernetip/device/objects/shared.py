@@ -11,7 +11,7 @@ from pnfarm.protocols.enip.status import GeneralStatus
 if TYPE_CHECKING:
     from pnfarm.drives.parameters.parameter import ParameterError
 
-__all__ = ["class_attribute", "integer_of", "octets_of", "status_of"]
+__all__ = ["Values", "class_attribute", "integer_of", "octets_of", "status_of"]
 
 #: 6.1.4 has five of these codes; the others are CIP's for the same case.
 _STATUS = {
@@ -24,6 +24,13 @@ _STATUS = {
     ParameterErrorNumber.NO_OPERATION_PRIORITY: GeneralStatus.PRIVILEGE_VIOLATION,
 }
 REVISION, MAX_INSTANCE, NUMBER_OF_INSTANCES = 1, 2, 3
+
+
+class Values:
+    """An object whose values are read and written (6.1.1); it has no other service."""
+
+    def service(self, instance: int, service: int, data: bytes) -> Answer:  # noqa: ARG002 - the protocol's shape
+        return refused(GeneralStatus.SERVICE_NOT_SUPPORTED)
 
 
 def status_of(error: ParameterError) -> GeneralStatus:
