@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from pnfarm.protocols.enip.connection import ConnectionKind
+from pnfarm.protocols.enip.eds import bits
 from pnfarm.protocols.enip.eds.text import Eds, EdsEntry, EdsSection, EdsString, emit_eds
 
 if TYPE_CHECKING:
@@ -15,14 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["MadeConnection", "made_eds"]
 
-#: Class 1, the first of the triggers, and an exclusive owner or a listener to inputs.
-_CLASS_1, _TRIGGER, _OWNER, _INPUTS = 1 << 1, 16, 1 << 26, 1 << 25
-#: Priorities low, high and scheduled, point-to-point outputs, inputs either way.
-_PARAMETERS: Final = 7 << 24 | 7 << 28 | 1 << 18 | 1 << 21 | 1 << 22
-#: Fixed lengths of both directions; variable ones are the next bits.
-_FIXED_OUTPUT, _FIXED_INPUT = 1 << 0, 1 << 2
-_OUTPUT_FORMAT: Final = 8
-_HEARTBEAT, _HEADER = 3, 4
+#: Point-to-point outputs, inputs either way.
+_PARAMETERS: Final = bits.PRIORITIES | bits.OUTPUT_POINT_TO_POINT | bits.INPUT_MULTICAST | bits.INPUT_POINT_TO_POINT
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +39,13 @@ class MadeConnection:
 def made_eds(identity: tuple[int, ...], product: str, source: str, connection: MadeConnection) -> bytes:
     """``identity``: vendor, type, code, major and minor revision; ``source``: what the file is made of."""
     owner = connection.owner
-    transport = _CLASS_1 | 1 << _TRIGGER + connection.trigger | (_OWNER if owner else _INPUTS)
+    kind = bits.KINDS[ConnectionKind.EXCLUSIVE_OWNER if owner else ConnectionKind.INPUT_ONLY]
+    transport = bits.CLASS_1 | 1 << bits.FIRST_TRIGGER + connection.trigger | kind
     parameters = (
         _PARAMETERS
-        | _FIXED_OUTPUT << connection.variable_outputs
-        | _FIXED_INPUT << connection.variable_inputs
-        | (_HEADER if owner else _HEARTBEAT) << _OUTPUT_FORMAT
+        | bits.FIXED_OUTPUTS << connection.variable_outputs
+        | bits.FIXED_INPUTS << connection.variable_inputs
+        | (bits.HEADER if owner else bits.HEARTBEAT) << bits.OUTPUT_FORMAT
     )
     fields: list[EdsField] = [
         f"0x{transport:08X}", f"0x{parameters:08X}", "", str(connection.outputs), "", "",

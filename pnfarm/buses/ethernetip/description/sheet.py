@@ -16,6 +16,7 @@ from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.connection import ConnectionKind, IoOffer
 from pnfarm.protocols.enip.connection_check import ASSEMBLY
+from pnfarm.protocols.enip.eds import bits
 from pnfarm.protocols.enip.eds.text import Eds, EdsEntry, EdsSection, EdsString
 from pnfarm.protocols.enip.objects.ethernet_link import EthernetLinkData, ethernet_link_object
 from pnfarm.protocols.enip.objects.identity import IdentityData, identity_object
@@ -45,19 +46,6 @@ _TYPES: Final = {
     0x10: "Position Controller",
     0x25: "CIP Motion Drive",
 }
-# Bits of trigger and transport: class 1, cyclic; application type.
-_CLASS_1, _CYCLIC = 1 << 1, 1 << 16
-_KINDS: Final = {
-    ConnectionKind.EXCLUSIVE_OWNER: (1 << 26, "Exclusive Owner"),
-    ConnectionKind.INPUT_ONLY: (1 << 25, "Input Only"),
-    ConnectionKind.LISTEN_ONLY: (1 << 24, "Listen Only"),
-}
-# Bits of connection parameters: fixed sizes, formats of the data, types, priorities low, high and scheduled.
-_FIXED: Final = 1 << 0 | 1 << 2
-_OUTPUT_FORMAT, _INPUT_FORMAT = 8, 12
-_MODELESS, _HEARTBEAT, _HEADER = 0, 3, 4
-_OUTPUT_POINT_TO_POINT, _INPUT_MULTICAST, _INPUT_POINT_TO_POINT = 1 << 18, 1 << 21, 1 << 22
-_PRIORITIES: Final = 7 << 24 | 7 << 28
 _NS_PER_SECOND, _NS_PER_US = 1_000_000_000, 1000
 
 
@@ -161,16 +149,16 @@ def _assemblies(product: Product) -> Iterator[EdsEntry]:
 
 def _connections(product: Product) -> Iterator[EdsEntry]:
     for place, offer in enumerate(_settings(product), 1):
-        bit, name = _KINDS[offer.kind]
-        output = _HEADER if offer.consumed_octets and product.output_run_idle else _MODELESS
-        output = output if offer.consumed_octets else _HEARTBEAT
-        parameters = _FIXED | output << _OUTPUT_FORMAT | _PRIORITIES | _OUTPUT_POINT_TO_POINT | _INPUT_MULTICAST
-        parameters |= (_HEADER if product.input_run_idle else _MODELESS) << _INPUT_FORMAT
+        output = bits.HEADER if product.output_run_idle else bits.MODELESS
+        output = output if offer.consumed_octets else bits.HEARTBEAT
+        parameters = bits.FIXED_OUTPUTS | bits.FIXED_INPUTS | output << bits.OUTPUT_FORMAT | bits.PRIORITIES
+        parameters |= bits.OUTPUT_POINT_TO_POINT | bits.INPUT_MULTICAST
+        parameters |= (bits.HEADER if product.input_run_idle else bits.MODELESS) << bits.INPUT_FORMAT
         if offer.kind is not ConnectionKind.LISTEN_ONLY:
-            parameters |= _INPUT_POINT_TO_POINT
+            parameters |= bits.INPUT_POINT_TO_POINT
         points = (LogicalSegment(Logical.CONNECTION_POINT, number) for number in (offer.consumed, offer.produced))
         fields: list[EdsField] = [
-            f"0x{_CLASS_1 | _CYCLIC | bit:08X}",
+            f"0x{bits.CLASS_1 | 1 << bits.FIRST_TRIGGER | bits.KINDS[offer.kind]:08X}",
             f"0x{parameters:08X}",
             f"Param{RPI_PARAMETER}",
             str(offer.consumed_octets),
@@ -182,7 +170,7 @@ def _connections(product: Product) -> Iterator[EdsEntry]:
             "",
             str(product.configuration_size),
             f"Assem{product.configuration_assembly}" if product.configuration_size else "",
-            EdsString(name),
+            EdsString(offer.kind.value.title()),
             EdsString(""),
             _path(*logical_path(ASSEMBLY, product.configuration_assembly), *points),
         ]

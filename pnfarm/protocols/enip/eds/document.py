@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.connection import ConnectionKind
 from pnfarm.protocols.enip.connection_check import ASSEMBLY
+from pnfarm.protocols.enip.eds import bits
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
@@ -25,20 +26,6 @@ _SCALED, _READ_ONLY = 0x0004, 0x0010
 #: Types whose bits have meanings of their own.
 _BIT_STRINGS = frozenset({0xD1, 0xD2, 0xD3, 0xD4})
 _BOOL = 0xC1
-
-# Bits of trigger and transport: class 1, application types; triggers from bit 16.
-_CLASS_1, _TRIGGERS = 1 << 1, 16
-_KINDS = (
-    (1 << 26, ConnectionKind.EXCLUSIVE_OWNER),
-    (1 << 25, ConnectionKind.INPUT_ONLY),
-    (1 << 24, ConnectionKind.LISTEN_ONLY),
-)
-_APPLICATION_TYPES, _REDUNDANT_OWNER = 7 << 24, 1 << 27
-# Connection parameters: fixed and variable size of each direction, its real-time format, its types.
-_OUTPUT_SIZES, _INPUT_SIZES = 0, 2
-_OUTPUT_FORMAT, _INPUT_FORMAT = 8, 12
-_MODELESS, _HEARTBEAT, _HEADER = 0, 3, 4
-_OUTPUT_POINT_TO_POINT, _INPUT_MULTICAST, _INPUT_POINT_TO_POINT = 1 << 18, 1 << 21, 1 << 22
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,16 +194,18 @@ class Connection:
 
     @property
     def is_class_1(self) -> bool:
-        return bool(self.transport & _CLASS_1)
+        return bool(self.transport & bits.CLASS_1)
 
     @property
     def kind(self) -> ConnectionKind:
-        return next((kind for bit, kind in _KINDS if self.transport & bit), ConnectionKind.EXCLUSIVE_OWNER)
+        return next((kind for kind, bit in bits.KINDS.items() if self.transport & bit), ConnectionKind.EXCLUSIVE_OWNER)
 
     @property
     def triggers(self) -> frozenset[int]:
         """Production triggers: 0 cyclic, 1 change of state, 2 application; a file without these bits means cyclic."""
-        return frozenset(number for number in range(3) if self.transport >> _TRIGGERS + number & 1) or frozenset({0})
+        return frozenset(
+            number for number in range(3) if self.transport >> bits.FIRST_TRIGGER + number & 1
+        ) or frozenset({0})
 
     @property
     def intervals(self) -> tuple[Limits, ...]:
@@ -226,49 +215,51 @@ class Connection:
     @property
     def output_sizes(self) -> frozenset[bool]:
         """Whether the size may be variable (True), fixed (False), or either; a file without these bits means any."""
-        return _sizes(self.parameters >> _OUTPUT_SIZES)
+        return _sizes(self.parameters, bits.FIXED_OUTPUTS)
 
     @property
     def input_sizes(self) -> frozenset[bool]:
-        return _sizes(self.parameters >> _INPUT_SIZES)
+        return _sizes(self.parameters, bits.FIXED_INPUTS)
 
     @property
     def output_header(self) -> bool:
         """Whether its outputs have the 32-bit run/idle header."""
-        return self.parameters >> _OUTPUT_FORMAT & 7 == _HEADER
+        return self.parameters >> bits.OUTPUT_FORMAT & 7 == bits.HEADER
 
     @property
     def input_header(self) -> bool:
-        return self.parameters >> _INPUT_FORMAT & 7 == _HEADER
+        return self.parameters >> bits.INPUT_FORMAT & 7 == bits.HEADER
 
     @property
     def multicast(self) -> bool:
-        return bool(self.parameters & _INPUT_MULTICAST)
+        return bool(self.parameters & bits.INPUT_MULTICAST)
 
     @property
     def point_to_point(self) -> bool:
-        return bool(self.parameters & _INPUT_POINT_TO_POINT)
+        return bool(self.parameters & bits.INPUT_POINT_TO_POINT)
 
     @property
     def unsupported(self) -> str:
         """Why no device of this version can offer it; empty for nothing."""
-        for way, form in (("outputs", _OUTPUT_FORMAT), ("inputs", _INPUT_FORMAT)):
+        for way, form in (("outputs", bits.OUTPUT_FORMAT), ("inputs", bits.INPUT_FORMAT)):
             number = self.parameters >> form & 7
-            if number not in {_MODELESS, _HEARTBEAT, _HEADER}:
+            if number not in {bits.MODELESS, bits.HEARTBEAT, bits.HEADER}:
                 return f"the real-time format {number} of its {way} is none of modeless, heartbeat and 32-bit header"
         if self.class_id != ASSEMBLY or len(self.points) not in {2, 3}:
             return "its path does not name two or three instances of the Assembly object"
-        if not self.transport & _APPLICATION_TYPES and self.transport & _REDUNDANT_OWNER:
+        if not self.transport & sum(bits.KINDS.values()) and self.transport & bits.REDUNDANT_OWNER:
             return "it has a redundant owner alone"
         if not self.multicast and not self.point_to_point:
             return "it has neither a multicast nor a point-to-point connection to the originator"
-        if self.parameters & 7 << 16 and not self.parameters & _OUTPUT_POINT_TO_POINT:
+        if self.parameters & 7 << 16 and not self.parameters & bits.OUTPUT_POINT_TO_POINT:
             return "its outputs have no point-to-point connection"
         return ""
 
 
-def _sizes(bits: int) -> frozenset[bool]:
-    return frozenset(variable for variable in (False, True) if bits >> variable & 1) or frozenset({False, True})
+def _sizes(parameters: int, fixed: int) -> frozenset[bool]:
+    return frozenset(variable for variable in (False, True) if parameters & fixed << variable) or frozenset(
+        {False, True}
+    )
 
 
 @dataclass(frozen=True, slots=True)
