@@ -328,8 +328,3 @@ class RealTimeEngine:
     def close(self) -> None:
         self.stop()
         os.close(self.wake_fd)
-
-
-def monotonic_ns() -> int:
-    """The engine's clock, for the event loop."""
-    return time.monotonic_ns()

@@ -35,7 +35,7 @@ from pnfarm.table.trace import PROBE
 
 __all__ = ["take_step"]
 
-_AXIS, _IMAGE, _ENGINE, _EVENT = AXIS.dtype, IMAGE.dtype, ENGINE.dtype, EVENT.dtype
+_AXIS, _ENGINE, _EVENT = AXIS.dtype, ENGINE.dtype, EVENT.dtype
 _PROVIDED, _CONSUMED, _PROBE = PROVIDED.dtype, CONSUMED.dtype, PROBE.dtype
 _WIRE, _BEHAVIOUR, _COUPLING, _OUTLET = WIRE.dtype, BEHAVIOUR.dtype, COUPLING.dtype, OUTLET.dtype
 _REAL, _WORD, _OCTET = np.dtype(np.float64), np.dtype(np.int64), np.dtype(np.uint8)

@@ -9,8 +9,6 @@ from __future__ import annotations
 import ctypes
 from typing import Any
 
-import numpy as np
-
 from pnfarm.table.compiling.compiled import IS_COMPILED, inlined
 
 __all__ = [
@@ -70,8 +68,3 @@ def time_ns(clock: int, timespec: Any) -> int:
     """``clock`` in nanoseconds; ``timespec`` is an int64[2] to work in."""
     clock_gettime(clock, timespec.ctypes.data)
     return int(timespec[0]) * 1_000_000_000 + int(timespec[1])
-
-
-def timespec() -> Any:
-    """An array for one ``struct timespec``."""
-    return np.zeros(2, np.int64)

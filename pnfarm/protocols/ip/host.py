@@ -76,11 +76,10 @@ _UNSPECIFIED = IPv4Address(0)
 
 @value_class
 class DatagramReceived:
-    """A UDP datagram arrived at an open port; ``destination_ip`` shows whether it was a broadcast."""
+    """A UDP datagram arrived at an open port."""
 
     source_ip: IPv4Address
     source_port: int
-    destination_ip: IPv4Address
     destination_port: int
     data: bytes
     source_mac: bytes
@@ -420,7 +419,6 @@ class IpHost:
                 DatagramReceived(
                     source_ip=packet.source,
                     source_port=datagram.source_port,
-                    destination_ip=packet.destination,
                     destination_port=datagram.destination_port,
                     data=datagram.data,
                     source_mac=source_mac,

@@ -15,6 +15,7 @@ from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.buses.ethernetip.eds_file import load_eds
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.connection import ConnectionKind
+from pnfarm.protocols.enip.connection_check import ASSEMBLY
 from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, emit_epath, logical_path
 from pnfarm.protocols.enip.wire.forward_open import CYCLIC
 from pnfarm.vocabulary.durations import format_duration
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["EthernetIpPlan", "plan_controller", "plan_devices", "program_steps"]
 
-#: The Assembly object.
-ASSEMBLY_CLASS = 0x04
 #: The parameter that clears faults when it is written (AKD EtherNet/IP manual 6.6).
 CLEAR_FAULTS = "DRV.CLRFAULTS"
 
@@ -66,7 +65,7 @@ def _connection(section: EthernetIpController, product: Product) -> ConnectionPl
         "input-only": (product.input_only_assembly, 0),
         "listen-only": (product.listen_only_assembly, 0),
     }[section.connection]
-    points = logical_path(ASSEMBLY_CLASS, product.configuration_assembly, None, consumed, product.input_assembly)
+    points = logical_path(ASSEMBLY, product.configuration_assembly, None, consumed, product.input_assembly)
     return ConnectionPlan(
         kind=section.connection,
         path=emit_epath((*_key(section, _identity(product)), *points)),

@@ -31,7 +31,7 @@ __all__ = ["Place", "octets_text", "path_text", "place_of", "place_text", "servi
 CONNECTION_MANAGER: Final = 0x06
 ETHERNET_LINK: Final = 0xF6
 PARAMETER: Final = 0x0F
-_VALUE, _DATA_TYPE = 1, 5
+_VALUE: Final = 1
 _CLASSES: Final = {
     0x01: "Identity", 0x02: "Message Router", 0x04: "Assembly", 0x05: "Connection", 0x06: "Connection Manager",
     0x0F: "Parameter", 0x10: "Parameter Group", 0x23: "Position Sensor", 0x24: "Position Controller Supervisor",

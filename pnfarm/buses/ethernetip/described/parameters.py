@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["PARAMETER_CLASS", "ParameterObject", "ParameterValues", "objects_at_paths"]
 
 PARAMETER_CLASS: Final = 0x0F
-_VALUE, _PATH_SIZE, _PATH = 1, 2, 3
+_VALUE: Final = 1
 #: Attributes of an instance in their order; those of a stub end with the data size (CIP volume 1, 5A-14.2).
 _ALL = range(1, 22)
 _GET_ENUM_STRING: Final = 0x4B

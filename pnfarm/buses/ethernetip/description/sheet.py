@@ -46,7 +46,7 @@ _TYPES: Final = {
     0x10: "Position Controller",
     0x25: "CIP Motion Drive",
 }
-_NS_PER_SECOND, _NS_PER_US = 1_000_000_000, 1000
+_NS_PER_SECOND: Final = 1_000_000_000
 
 
 def file_name(model: Model) -> str:

@@ -39,7 +39,7 @@ __all__ = [
     "parse_epath",
 ]
 
-_PORT, _LOGICAL, _NETWORK, _SYMBOL, _DATA = 0x00, 0x20, 0x40, 0x60, 0x80
+_PORT, _LOGICAL, _NETWORK, _SYMBOL = 0x00, 0x20, 0x40, 0x60
 _KEY: Final = 0x34
 _KEY_FORMAT: Final = 4
 _SIMPLE_DATA: Final = 0x80

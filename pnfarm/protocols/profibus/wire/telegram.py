@@ -27,7 +27,7 @@ from pnfarm.errors import DecodeError
 
 __all__ = [
     "BODY", "BROADCAST", "ED", "EXTENDED", "FCB", "FCV", "LONGEST_DATA", "LONGEST_TELEGRAM", "REQUEST", "SC", "SD1",
-    "SD2", "SD3", "SD4", "Answer", "Line", "Request", "Sap", "ShortAck", "Station", "Telegram", "Token", "body_of_data",
+    "SD2", "SD3", "SD4", "Answer", "Line", "Request", "Sap", "ShortAck", "Telegram", "Token", "body_of_data",
     "checksum", "emit_data", "emit_telegram", "parse_telegram", "telegram_length",
 ]  # fmt: skip
 
@@ -88,15 +88,6 @@ class Answer(IntEnum):
     DH = 0xA  # data, high priority
     RDL = 0xC  # data low, no resource
     RDH = 0xD  # data high, no resource
-
-
-class Station(IntEnum):
-    """Bits 4 and 5 of FC of an answer."""
-
-    SLAVE = 0x00
-    MASTER_NOT_READY = 0x10
-    MASTER_READY = 0x20
-    MASTER_IN_RING = 0x30
 
 
 class Sap(IntEnum):
