@@ -22,6 +22,7 @@ from pnfarm.protocols.enip.wire.encapsulation import (
     parse_encapsulation,
 )
 from pnfarm.protocols.enip.wire.identity import IdentityItem, ServiceItem
+from pnfarm.wire.code import words_of
 from pnfarm.wire.ipv4 import PROTOCOL_UDP, parse_ipv4
 from pnfarm.wire.octets import Reader
 from pnfarm.wire.tcp import PROTOCOL_TCP, parse_tcp
@@ -146,11 +147,7 @@ def _pdu(pdu: EncapsulationPdu, route: Route, shared: Shared) -> Iterator[Descri
 
 
 def _status(status: int) -> str:
-    try:
-        words = EncapsulationStatus(status).name.lower().replace("_", " ")
-    except ValueError:
-        words = "status"
-    return f"{words} (0x{status:04X})"
+    return f"{words_of(EncapsulationStatus, status, 'status')} (0x{status:04X})"
 
 
 def _listed(what: str, pdu: EncapsulationPdu, route: Route, shared: Shared) -> Iterator[Description]:

@@ -19,12 +19,14 @@ from pnfarm.protocols.profibus.wire.dpv1 import (
     parse_initiate,
     parse_refusal,
 )
+from pnfarm.wire.code import words_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from enum import IntEnum
 
     from pnfarm.drives.description.model import Model
+    from pnfarm.protocols.profibus.wire.dpv1 import Access
 
 __all__ = ["Records"]
 
@@ -37,10 +39,8 @@ _NAMES = {
 
 
 def _word(numbers: type[IntEnum], value: int) -> str:
-    try:
-        return f"0x{value:02X} ({numbers(value).name.lower().replace('_', ' ')})"
-    except ValueError:
-        return f"0x{value:02X}"
+    words = words_of(numbers, value, "")
+    return f"0x{value:02X} ({words})" if words else f"0x{value:02X}"
 
 
 @dataclass(slots=True)
@@ -57,13 +57,11 @@ class Records:
         match data[0]:
             case Function.READ | Function.WRITE | Function.DATA_TRANSPORT:
                 access = parse_access(data)
-                text = f"slot {access.slot} index {access.index}, {access.length} octets"
+                text = _record(access)
                 counted = {Function.READ.value: "reads", Function.WRITE.value: "writes"}.get(access.function)
                 if access.index == _PARAMETERS and access.function == Function.WRITE:
                     self.written = access.data
-                    text = f"{text}: {parameter_request(access.data, model)}"
-                elif access.data:
-                    text = f"{text}: {access.data.hex(' ')}"
+                    text = _record(access, parameter_request(access.data, model))
                 details = {"slot": access.slot, "index": access.index, "length": access.length}
                 yield Description(f"{name}.req", text, details, {counted: ""} if counted else {})
             case Function.INITIATE:
@@ -91,11 +89,9 @@ class Records:
         match data[0]:
             case Function.READ | Function.WRITE | Function.DATA_TRANSPORT:
                 access = parse_access(data)
-                text = f"slot {access.slot} index {access.index}, {access.length} octets"
+                text = _record(access)
                 if access.index == _PARAMETERS and access.function == Function.READ:
-                    text = f"{text}: {parameter_response(access.data, self.written, model)}"
-                elif access.data:
-                    text = f"{text}: {access.data.hex(' ')}"
+                    text = _record(access, parameter_response(access.data, self.written, model))
                 yield Description(f"{name}.res", text, {"slot": access.slot, "index": access.index})
             case Function.RESOURCE_MANAGER:
                 found = ResourceManager.parse(data)
@@ -117,6 +113,13 @@ class Records:
         found = Abort.parse(data)
         reason = _word(AbortReason, found.reason)
         return Description("Abort", reason, {"reason": found.reason}, {"aborts": reason})
+
+
+def _record(access: Access, data: str = "") -> str:
+    """``data``: in words, else in hexadecimal."""
+    text = f"slot {access.slot} index {access.index}, {access.length} octets"
+    shown = data or access.data.hex(" ")
+    return f"{text}: {shown}" if shown else text
 
 
 def _name(number: int) -> str:
