@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote
@@ -110,6 +111,8 @@ class FarmClient:
             self._client = httpx.Client(
                 base_url=url, headers=headers, timeout=TIMEOUT_SECONDS, trust_env=False, verify=trust
             )
+            # decodes a name like xn--..., which each request does
+            _ = self._client.base_url.host
         except (httpx.InvalidURL, UnicodeError) as exc:
             raise ConfigError(f"{address!r} is not the address of a farm ({exc}); give a URL{self._where}") from exc
 
@@ -144,16 +147,8 @@ class FarmClient:
         body: Mapping[str, Any] | None = None,
         query: Mapping[str, Any] | None = None,
     ) -> Any:
-        import httpx
-
-        try:
+        with self._asking():
             response = self._client.request(method, _joined(path), json=body, params=query)
-        except httpx.HTTPError as exc:
-            raise self._unreachable(exc) from exc
-        except UnicodeEncodeError as exc:
-            # a shell hands on any octets
-            odd = ascii(exc.object[max(0, exc.start - 20) : exc.end + 20])
-            raise ConfigError(f"{odd} has octets that are not text in UTF-8") from exc
         self._raise_for(response)
         if not response.content:
             return None
@@ -162,14 +157,26 @@ class FarmClient:
         except ValueError as exc:
             raise self._not_a_farm() from exc
 
-    def metrics(self) -> str:
-        """The farm's metrics in Prometheus's text format."""
+    @contextmanager
+    def _asking(self) -> Iterator[None]:
+        """Requests inside it fail with sentences for users."""
         import httpx
 
         try:
-            response = self._client.get(self._client.base_url.join("/metrics"))
+            yield
         except httpx.HTTPError as exc:
             raise self._unreachable(exc) from exc
+        except httpx.InvalidURL as exc:
+            raise ConfigError(f"no farm can be asked for this: {str(exc).lower()}") from exc
+        except UnicodeEncodeError as exc:
+            # a shell hands on any octets
+            odd = ascii(exc.object[max(0, exc.start - 20) : exc.end + 20])
+            raise ConfigError(f"{odd} has octets that are not text in UTF-8") from exc
+
+    def metrics(self) -> str:
+        """The farm's metrics in Prometheus's text format."""
+        with self._asking():
+            response = self._client.get(self._client.base_url.join("/metrics"))
         self._raise_for(response)
         return response.text
 
@@ -200,17 +207,13 @@ class FarmClient:
 
         patience = httpx.Timeout(TIMEOUT_SECONDS, read=SILENCE_SECONDS)
         sent = {"Accept": "text/event-stream", **headers}
-        try:
-            with self._client.stream("GET", path, headers=sent, timeout=patience, params=query) as response:
-                if response.is_error:
-                    response.read()
-                self._raise_for(response)
-                yield from _messages(response.iter_lines())
-        except httpx.RemoteProtocolError:
-            # the farm ended while it sent events
-            return
-        except httpx.HTTPError as exc:
-            raise self._unreachable(exc) from exc
+        stream = self._client.stream("GET", path, headers=sent, timeout=patience, params=query)
+        # a farm that ends while it sends events is no error
+        with self._asking(), suppress(httpx.RemoteProtocolError), stream as response:
+            if response.is_error:
+                response.read()
+            self._raise_for(response)
+            yield from _messages(response.iter_lines())
 
     def _raise_for(self, response: httpx.Response) -> None:
         if response.is_success:

@@ -5,6 +5,9 @@ import json
 import pytest
 from fake_api import RECORD
 
+from pnfarm.errors import ConfigError
+from pnfarm.terminal.client import FarmClient
+
 DRIVE = {
     "name": "axis-01",
     "state": "S4",
@@ -447,7 +450,7 @@ def test_a_scenario_without_its_farm_names_the_option_that_the_command_has(pnfar
     assert found.err.endswith(", or give its address with --farm\n")
 
 
-@pytest.mark.parametrize("address", ["ftp://127.0.0.1", "http://127.0.0.1/other/place", "", "http://[::1"])
+@pytest.mark.parametrize("address", ["ftp://127.0.0.1", "http://127.0.0.1/other/place", "", "http://[::1", "xn--a"])
 def test_an_address_that_is_none_is_bad_input(pnfarm, address):
     found = pnfarm("inspect", "--api", address)
     assert found.code == 2
@@ -500,6 +503,14 @@ def test_octets_that_are_no_text_are_bad_input(ask, farm, arguments):
     found = ask(*arguments)
     assert found.code == 2
     assert "has octets that are not text in UTF-8" in found.err
+
+
+@pytest.mark.parametrize(("station", "words"), [("a" * 70_000, "url .*too long"), ("\udcff", "not text in UTF-8")])
+def test_what_no_url_can_carry_is_bad_input_in_every_question(farm, station, words):
+    with FarmClient(farm.url) as client:
+        for ask in (lambda: client.get("drives", station), lambda: list(client.entries(station, follow=False))):
+            with pytest.raises(ConfigError, match=words):
+                ask()
 
 
 def test_a_proxy_of_the_environment_does_not_stand_before_the_farm(ask, farm, monkeypatch):
