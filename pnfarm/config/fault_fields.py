@@ -9,6 +9,7 @@ from pydantic import Field, PlainSerializer, PlainValidator, WithJsonSchema
 from pnfarm.config.section import Section
 from pnfarm.vocabulary.conditions import CONDITION_SCHEMA, read_condition
 from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_duration
+from pnfarm.vocabulary.names import PATTERN
 from pnfarm.vocabulary.rates import RATE_PATTERN, SHARE_PATTERN, format_rate, format_share, read_rate, read_share
 from pnfarm.wire.direction import Directions
 
@@ -86,9 +87,7 @@ class FaultFields(Section):
         alias="ttl",
         description="Time to live: it ends after this time unless it is renewed, also when its client is gone.",
     )
-    name: str | None = Field(
-        default=None, alias="as", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", description="Name to clear it by."
-    )
+    name: str | None = Field(default=None, alias="as", pattern=PATTERN, description="Name to clear it by.")
 
     def as_dict(self) -> dict[str, Any]:
         """What was given, as plain values."""

@@ -73,10 +73,10 @@ class MergedLog:
 
         A run's entries stay in their own order, also where their times do not rise: a position has one number of each.
         """
-        if number <= self._taken.get(origin, 0):
+        known = self._taken.get(origin, 0)
+        if number <= known:
             return
-        known = self._taken.get(origin)
-        if number > 1 + (known or 0):
+        if number > known + 1:
             # the shard itself does not hold them any more
             self._dropped[origin] = number - 1
         self._taken[origin] = number

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ from pnfarm.errors import FieldsError
 from pnfarm.trace.trigger import TRIGGER, Trigger, parse_trigger
 from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_duration
 from pnfarm.vocabulary.globs import GLOBS, GLOBS_SCHEMA, read_globs
+from pnfarm.vocabulary.names import PATTERN, is_name
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
@@ -28,7 +28,6 @@ MAX_SIGNALS, MAX_NAME = 256, 100
 MAX_KEEP_NS = 86_400_000_000_000
 
 _SIGNALS = "a list of signals such as velocity, stw1.* or island-1.part_present; `pnfarm trace DRIVES --list`"
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
 class TraceError(FieldsError):
@@ -129,7 +128,7 @@ class TraceRequest:
                     "description": "A sample every N steps of the engine, which steps every millisecond.",
                 },
                 "interval": {**duration, "description": "Instead of every: time between samples."},
-                "as": {"type": "string", "pattern": f"^{_NAME.pattern}$", "description": "Name to read it by."},
+                "as": {"type": "string", "pattern": PATTERN, "description": "Name to read it by."},
                 "keep": {**duration, "description": "How long it is kept while it is not read; default 10min."},
             },
         }
@@ -162,7 +161,7 @@ def _signals(value: object) -> tuple[str, ...]:
 
 
 def _called(value: object) -> str:
-    if not isinstance(value, str) or not _NAME.fullmatch(value) or value == "signals":
+    if not is_name(value) or value == "signals":
         raise Problem(f"is {shown(value)}", "a name: a-z, 0-9, -, _ and ., at most 64 characters, and not signals")
     return value
 

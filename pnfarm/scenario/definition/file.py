@@ -19,6 +19,7 @@ from pnfarm.scenario.find import FIND, number_of, read_range
 from pnfarm.signals.device_signal import stations_in
 from pnfarm.vocabulary.conditions import ConditionError, parse_condition
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path
+from pnfarm.vocabulary.names import is_name
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, few_hints, shown
 from pnfarm.vocabulary.regular_file import beside, read_regular
@@ -51,7 +52,6 @@ KEYS: Mapping[str, str] = {
     "steps": "The steps, in order.",
 }
 _GROUPS = ("parallel", "repeat", "find")
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _VARIABLE = re.compile(r"\$(?:\{([A-Za-z_]\w*)\}|([A-Za-z_]\w*))")
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 
@@ -188,7 +188,7 @@ class _Reader:
             return None
         self._check_keys(values, (), KEYS)
         name = values.get("scenario")
-        if not isinstance(name, str) or not _NAME.fullmatch(name):
+        if not is_name(name):
             what = "is missing" if name is None else f"is {shown(name)}"
             self.report(("scenario",), what, "a name: a-z, 0-9, -, _ and ., at most 64 characters")
         farm = values.get("farm")

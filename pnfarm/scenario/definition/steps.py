@@ -11,6 +11,7 @@ from pnfarm.config.values import DURATION_SCHEMA
 from pnfarm.vocabulary.conditions import COMPARISONS, CONDITION, ConditionError, parse_condition
 from pnfarm.vocabulary.durations import format_duration, read_duration
 from pnfarm.vocabulary.globs import GLOBS, GLOBS_SCHEMA, read_globs
+from pnfarm.vocabulary.names import is_name
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
@@ -47,7 +48,6 @@ QUANTILES: Mapping[str, float] = {"p50": 0.5, "p90": 0.9, "p99": 0.99}
 MEASURES = ("increases", "value", *QUANTILES)
 #: What the step `power` does with its drives: switch them off (False) or on, in turn.
 POWER: Mapping[str, tuple[bool, ...]] = {"off": (False,), "on": (True,), "cycle": (False, True)}
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _BOUND = re.compile(r"(==|!=|<=|>=|<|>)?\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)")
 _METRIC = re.compile(r"(pnfarm_[a-z0-9_]{1,80})(?:\{(.*)\})?")
 _LABEL = re.compile(r'\s*([a-zA-Z_]\w*)\s*=\s*"([^"]*)"\s*')
@@ -127,16 +127,13 @@ def read_title(value: Any) -> str:
     return value
 
 
-def _state_name(value: Any) -> str:
-    if not isinstance(value, str) or not _NAME.fullmatch(value):
-        raise Problem(f"is {shown(value)}", "the name that a state got by `pnfarm state save`")
-    return value
+def _name_key(allowed: str, doc: str) -> Key:
+    def name(value: Any) -> str:
+        if not is_name(value):
+            raise Problem(f"is {shown(value)}", allowed)
+        return value
 
-
-def _fault_name(value: Any) -> str:
-    if not isinstance(value, str) or not _NAME.fullmatch(value):
-        raise Problem(f"is {shown(value)}", "all, or the name that a fault got by `as`")
-    return value
+    return Key(name, doc)
 
 
 def _count(value: Any) -> int:
@@ -345,7 +342,7 @@ STEPS: Mapping[str, StepKind] = {
     ),
     "clear": StepKind(
         "End a fault of this scenario, or all of its faults.",
-        {"fault": Key(_fault_name, "Name that the fault got by `as`, or all.")},
+        {"fault": _name_key("all, or the name that a fault got by `as`", "Name that the fault got by `as`, or all.")},
         required=("fault",),
         short="fault",
         example="clear: trip",
@@ -411,7 +408,11 @@ STEPS: Mapping[str, StepKind] = {
     "restore": StepKind(
         "Put the whole farm into a saved state, as `pnfarm state restore` does: controllers set their connections up "
         "again, and faults of this scenario stay in force.",
-        {"state": Key(_state_name, "Name that the state got by `pnfarm state save`.")},
+        {
+            "state": _name_key(
+                "the name that a state got by `pnfarm state save`", "Name that the state got by `pnfarm state save`."
+            )
+        },
         required=("state",),
         short="state",
         example="restore: loaded",
