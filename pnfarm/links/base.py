@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     import socket
 
 __all__ = [
-    "BROADCAST",
     "ETHERNET",
     "MULTICAST_DCP_IDENTIFY",
     "MULTICAST_LLDP",
@@ -37,7 +36,6 @@ __all__ = [
 ]
 
 
-BROADCAST = b"\xff" * 6
 #: IEC 61158-6-10: destination of DCP Identify requests.
 MULTICAST_DCP_IDENTIFY = bytes.fromhex("010ecf000000")
 #: IEEE 802.1AB: nearest bridge.

@@ -15,12 +15,13 @@ from opened_link import opened
 
 from pnfarm.errors import ConfigError, EnvironmentError_, InternalError
 from pnfarm.farm.process.open_files import open_files
-from pnfarm.links.base import BROADCAST, MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP, EngineLink, Link, PortSpec
+from pnfarm.links.base import MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP, EngineLink, Link, PortSpec
 from pnfarm.links.interface import InterfaceLink
 from pnfarm.links.kernel.interfaces import remove_leftovers
 from pnfarm.links.kernel.ownership import group_of, interface_prefix
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.veth import VethLink
+from pnfarm.wire.mac import BROADCAST
 
 pytestmark = pytest.mark.asyncio
 

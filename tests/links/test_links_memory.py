@@ -4,8 +4,9 @@ import pytest
 
 from pnfarm.errors import InternalError
 from pnfarm.links import memory
-from pnfarm.links.base import BROADCAST, Link, PortSpec, unwrap
+from pnfarm.links.base import Link, PortSpec, unwrap
 from pnfarm.links.memory import MemoryLink, MemorySwitch
+from pnfarm.wire.mac import BROADCAST
 
 A, B, C = (bytes([2, 0, 0, 0, 0, n]) for n in (1, 2, 3))
 DCP = bytes.fromhex("010ecf000000")

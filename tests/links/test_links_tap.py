@@ -10,8 +10,9 @@ from waiting import reached
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links import tap as tap_module
-from pnfarm.links.base import BROADCAST, EngineLink, Link, PortSpec
+from pnfarm.links.base import EngineLink, Link, PortSpec
 from pnfarm.links.tap import TapLink, is_cyclic, without_priority_tag
+from pnfarm.wire.mac import BROADCAST
 
 PLC = bytes.fromhex("02cc00000001")
 DRIVES = [PortSpec("axis-01", bytes.fromhex("020000000001")), PortSpec("axis-02", bytes.fromhex("020000000002"))]
