@@ -16,8 +16,8 @@ from pnfarm.drives.parameters.store import (
     RebootRequested,
     TelegramChanged,
 )
+from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults
 from pnfarm.errors import ConfigError
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.station.events import ParametersSaved
 from pnfarm.station.events import TelegramChanged as TelegramTaken
 from pnfarm.station.fault_memory import active_of, history_of, restore_history
@@ -174,7 +174,7 @@ class Axis:
         """Reports of the engine were lost: take from the record what they said; faults that were not reported yet."""
         if not self.powered:
             return []
-        active = [int(code) & NUMBER_MASK for code in self.handle.axis.faults.code if code]
+        active = active_faults(self.handle.axis)
         if not self._reported.issubset(active):
             self.faults_cleared(now)
         missed = [number for number in active if number not in self._reported]

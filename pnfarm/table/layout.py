@@ -107,6 +107,15 @@ class Layout:
         """The names that lead from a row to the field ``key``."""
         return self._paths[key]
 
+    def place(self, key: str) -> tuple[int, np.dtype[Any]]:
+        """Octets from the start of a row to the field ``key``, and its type."""
+        offset, kind = 0, self.dtype
+        for name in self._paths[key]:
+            assert kind.fields is not None
+            kind, further = kind.fields[name][:2]
+            offset += further
+        return offset, kind
+
     def read(self, rows: Any, key: str) -> Any:
         """The field ``key`` of a row, or of all rows of a table."""
         for name in self._paths[key]:

@@ -7,7 +7,8 @@ from bench_axis import MS, BenchAxis
 from from_python import called
 
 from pnfarm.firmware.motion.ramp import approach
-from pnfarm.firmware.profidrive.telegram import signed16, signed32
+from pnfarm.firmware.profidrive.telegram import signed16
+from pnfarm.firmware.whole_numbers import signed32
 from pnfarm.table.signals import ITIST_GLATT, XIST_A
 
 

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from pnfarm.firmware.profidrive.messages import message_word
 from pnfarm.firmware.profidrive.telegram import (
     clamp16,
-    clamp32,
     current_step,
     from_setpoints,
     no_setpoints,
     to_actuals,
 )
+from pnfarm.firmware.whole_numbers import clamp32
 from pnfarm.table.axis_codes import CMD_CLEAR_HISTORY, CMD_RAISE_FAULT, RAMP_ABSENT, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B
 from pnfarm.table.signals import (
     DRV_ACC,

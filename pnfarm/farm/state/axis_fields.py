@@ -82,11 +82,7 @@ def _places() -> Any:
     """Which octets of a record a restore writes."""
     mask = np.zeros(AXIS.dtype.itemsize, bool)
     for key in (*_FIELDS, *_CLEARED):
-        kind, begin = AXIS.dtype, 0
-        for name in AXIS.path(key):
-            assert kind.fields is not None
-            kind, offset = kind.fields[name][:2]
-            begin += offset
+        begin, kind = AXIS.place(key)
         mask[begin : begin + kind.itemsize] = True
     return mask
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pnfarm.drives.description.parts import fault_label
+from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults
 from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.faults.manager import RunState
 from pnfarm.firmware.causes import NUMBER_MASK
@@ -94,7 +95,7 @@ def drive_snapshot(
     powered = station.powered
     # without its supply a drive says nothing, and only its motor turns on
     zsw1, stw1 = (int(axis.profidrive.zsw1), int(axis.profidrive.stw1)) if powered else (0, 0)
-    codes = [int(code) & NUMBER_MASK for code in axis.faults.code if code and powered]
+    codes = active_faults(axis) if powered else []
     connection = station.device.connection()
     exchanging = powered and connection is not None and connection.exchanging
     sent, suppressed, received = _frames(core, station)

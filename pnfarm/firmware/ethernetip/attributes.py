@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.ethernetip.commands import TORQUE_FULL, target_velocity
-from pnfarm.firmware.ethernetip.octets import rounded
+from pnfarm.firmware.whole_numbers import clamp32
 from pnfarm.table.compiling.compiled import compiled, inlined
 
 __all__ = ["ATTRIBUTES", "attribute_value", "readable"]
@@ -35,7 +35,7 @@ def _ramp_units(axis: Any, up: bool) -> int:
         ramp = axis.homing.settings.acceleration if up else axis.homing.settings.deceleration
     else:
         ramp = axis.ramp.settings.acceleration if up else axis.ramp.settings.deceleration
-    return rounded(ramp / axis.ethernetip.settings.profile_step)
+    return clamp32(ramp / axis.ethernetip.settings.profile_step)
 
 
 @compiled
@@ -59,7 +59,7 @@ def attribute_value(axis: Any, number: int) -> int:
     elif number == 6:
         value = int(own.target_units)
     elif number == 7:
-        value = rounded(target_velocity(axis) / own.settings.profile_step)
+        value = clamp32(target_velocity(axis) / own.settings.profile_step)
     elif number in (8, 9):
         value = _ramp_units(axis, number == 8)
     elif number == 10:
@@ -70,7 +70,7 @@ def attribute_value(axis: Any, number: int) -> int:
         value = 1 if axis.drive.state >= 4 else 0
     elif number == 25:
         peak = axis.motor.settings.torque_constant * axis.motor.settings.peak_current
-        value = rounded(own.torque_command / peak * TORQUE_FULL) if peak > 0.0 else 0
+        value = clamp32(own.torque_command / peak * TORQUE_FULL) if peak > 0.0 else 0
     elif number == 58:
         value = int(own.loaded)
     elif number == 100:

@@ -19,9 +19,10 @@ from pnfarm.firmware.ethernetip.message_types import (
     POSITION_MOVE,
     SET_ATTRIBUTE,
 )
-from pnfarm.firmware.ethernetip.octets import put, received_octet, rounded
+from pnfarm.firmware.ethernetip.octets import put, received_octet
 from pnfarm.firmware.ethernetip.status import ENABLED, GENERAL_FAULT, HOMED, IN_MOTION, IN_POSITION, LOAD_COMPLETE
 from pnfarm.firmware.program_steps import begin_leg, enter, runs, speed_of
+from pnfarm.firmware.whole_numbers import clamp32
 from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.program import (
     ACKNOWLEDGING,
@@ -140,8 +141,8 @@ def _set_attribute(program: Any, image: Any, number: int, value: int, now: int) 
 @inlined
 def _put_ramps(program: Any, image: Any, up: float, down: float) -> None:
     """Acceleration and deceleration of a motion, which have to be more than 0."""
-    put(image, 16, 4, max(1, rounded(up / program.ramp_step)))
-    put(image, 20, 4, max(1, rounded(down / program.ramp_step)))
+    put(image, 16, 4, max(1, clamp32(up / program.ramp_step)))
+    put(image, 20, 4, max(1, clamp32(down / program.ramp_step)))
 
 
 @compiled
@@ -150,7 +151,7 @@ def _run(program: Any, image: Any, now: int) -> int:
     if _taken(program, now):
         program.speed_set = 1
     if program.loading == LOAD_NONE:
-        units = rounded(speed_of(program, now) / program.velocity_step)
+        units = clamp32(speed_of(program, now) / program.velocity_step)
         if not program.speed_set or units != program.speed_units:
             program.speed_set = 0
             program.speed_units = units
@@ -177,8 +178,8 @@ def _position(program: Any, image: Any, status: int, now: int) -> None:
             program.homing_set = 0
     elif program.leg == LEG_LOADING:
         _begin(program, image, POSITION_MOVE, now)
-        put(image, 8, 4, rounded(program.targets[program.target_index] / program.target_step))
-        put(image, 12, 4, rounded(abs(program.speed) / program.velocity_step))
+        put(image, 8, 4, clamp32(program.targets[program.target_index] / program.target_step))
+        put(image, 12, 4, clamp32(abs(program.speed) / program.velocity_step))
         _put_ramps(program, image, program.acceleration, program.acceleration)
         if _taken(program, now):
             begin_leg(program, LEG_MOVING, now)

@@ -9,10 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.causes import NUMBER_MASK
-from pnfarm.firmware.ethernetip.octets import put, received_octet, rounded
+from pnfarm.firmware.ethernetip.octets import put, received_octet
 from pnfarm.firmware.ethernetip.tasks import TASK_MAP, idle, post
 from pnfarm.firmware.motion.travel import limits_reached
 from pnfarm.firmware.records.ethernetip import MAPPED
+from pnfarm.firmware.whole_numbers import clamp32
 from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["COMMAND_SIZES", "DYNAMIC", "DYNAMIC_MAP", "MAP_TYPE", "RESPONSE_SIZES", "show_map", "take_map"]
@@ -82,10 +83,10 @@ def show_map(axis: Any, image: Any, inputs: int) -> None:
         value = 0
         if instance == 286:
             size = 4
-            value = rounded((axis.profile.position - axis.homing.origin) / step)
+            value = clamp32((axis.profile.position - axis.homing.origin) / step)
         elif instance == 288:
             size = 4
-            value = rounded((axis.positioning.following_error - axis.measurement.position_deviation) / step)
+            value = clamp32((axis.positioning.following_error - axis.measurement.position_deviation) / step)
         elif instance == 478:
             size = 2
             value = int(axis.faults.code[0]) & NUMBER_MASK

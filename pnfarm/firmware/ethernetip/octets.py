@@ -4,27 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.whole_numbers import signed32
 from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.signals import ASSEMBLY
 
-__all__ = ["put", "received", "received_long", "received_octet", "rounded", "signed32"]
-
-
-@inlined
-def signed32(value: int) -> int:
-    """Wrap to a signed 32-bit number."""
-    value &= 0xFFFFFFFF
-    return value - 0x100000000 if value & 0x80000000 else value
-
-
-@inlined
-def rounded(value: float) -> int:
-    """The nearest signed 32-bit number."""
-    if value >= 2147483647.0:
-        return 0x7FFFFFFF
-    if value <= -2147483648.0:
-        return -0x80000000
-    return round(value)
+__all__ = ["put", "received", "received_long", "received_octet"]
 
 
 @inlined

@@ -13,11 +13,12 @@ from pnfarm.firmware.ethernetip.message_types import (
     NO_RESPONSE_TYPE,
     RESPONSE_NUMBERS,
 )
-from pnfarm.firmware.ethernetip.octets import put, received_octet, rounded, signed32
+from pnfarm.firmware.ethernetip.octets import put, received_octet
 from pnfarm.firmware.motion.positioning import BRAKING, HOMING, TASK
 from pnfarm.firmware.motion.travel import limits_reached, position_number
 from pnfarm.firmware.motor.measurement import measured_current, measured_position, measured_velocity
 from pnfarm.firmware.reported import at_target, drive_inputs, has_task, motion_status
+from pnfarm.firmware.whole_numbers import clamp32, signed32
 from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.signals import ASSEMBLY, ASSEMBLY_WORDS, DRIVE_INPUTS
 
@@ -147,11 +148,11 @@ def show_response(axis: Any, image: Any) -> None:
     else:
         put(image, 3, 1, third)
         if third & 0x1F == ACTUAL_TORQUE:
-            put(image, 4, 4, rounded(measured_current(axis.motor, axis.measurement) * 1000.0))
+            put(image, 4, 4, clamp32(measured_current(axis.motor, axis.measurement) * 1000.0))
     place = measured_position(axis.motor, axis.measurement)
     put(image, 8, 4, signed32(position_number(axis.travel, axis.homing, place)))
     speed = measured_velocity(axis.motor, axis.measurement)
-    put(image, 12, 4, rounded(speed / own.settings.profile_step) if own.settings.profile_step > 0.0 else 0)
+    put(image, 12, 4, clamp32(speed / own.settings.profile_step) if own.settings.profile_step > 0.0 else 0)
     put(image, 16, 4, int(axis.profidrive.motion_status))
     if attribute != 0:
         put(image, 24, 8, attribute_value(axis, attribute))

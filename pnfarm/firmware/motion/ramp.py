@@ -34,13 +34,7 @@ def approach(value: float, target: float, up: float, down: float, seconds: float
             return value - limit if value > 0.0 else value + limit
         seconds -= abs(value) / down if down > 0.0 else seconds
         value = 0.0
-    if abs(target) > abs(value):
-        limit = up * seconds
-        difference = target - value
-        if abs(difference) <= limit:
-            return target
-        return value + limit if difference > 0.0 else value - limit
-    limit = down * seconds
+    limit = (up if abs(target) > abs(value) else down) * seconds
     difference = target - value
     if abs(difference) <= limit:
         return target

@@ -11,8 +11,9 @@ from typing import Any
 from pnfarm.firmware.profidrive.objects import INFEED_CONTROL, STATELESS_CONTROL
 from pnfarm.firmware.profidrive.real_words import DEGREES, DEGREES_A_SECOND, PERCENT, bits_of
 from pnfarm.firmware.profidrive.tasks import WHOLE
-from pnfarm.firmware.profidrive.telegram import clamp16, clamp32, clamp_unsigned, long_step
+from pnfarm.firmware.profidrive.telegram import clamp16, clamp_unsigned, long_step
 from pnfarm.firmware.program_steps import begin_leg, enter, runs, speed_of
+from pnfarm.firmware.whole_numbers import clamp32
 from pnfarm.table.axis_codes import (
     CONFIG_RISING_EDGE,
     MDI_SELECTED,

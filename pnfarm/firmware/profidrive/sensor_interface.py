@@ -28,8 +28,8 @@ import numpy as np
 
 from pnfarm.firmware.motor.measurement import measured_position
 from pnfarm.firmware.profidrive.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
-from pnfarm.firmware.profidrive.telegram import nearest, signed32
 from pnfarm.firmware.transitions import as_array, possible
+from pnfarm.firmware.whole_numbers import signed32
 from pnfarm.table.axis_codes import SENSOR_PARKING
 from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiling.compiled import compiled, inlined
@@ -338,7 +338,7 @@ def _sends_absolute(state: int, word: int) -> bool:
 @compiled
 def _count(sensor: Any, place: float, step: float) -> int:
     """The encoder's count at a shaft position."""
-    return signed32(nearest((place - sensor.zero) / step))
+    return signed32(round((place - sensor.zero) / step))
 
 
 @inlined

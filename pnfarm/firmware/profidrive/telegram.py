@@ -18,6 +18,7 @@ from pnfarm.firmware.profidrive.position_status import (
 from pnfarm.firmware.profidrive.real_words import DEGREES, DEGREES_A_SECOND, bits_of
 from pnfarm.firmware.profidrive.status_word import second_status_word
 from pnfarm.firmware.reported import drive_inputs, motion_status
+from pnfarm.firmware.whole_numbers import clamp32, signed32
 from pnfarm.table.axis_codes import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.signals import (
@@ -56,15 +57,12 @@ from pnfarm.table.signals import (
 
 __all__ = [
     "clamp16",
-    "clamp32",
     "clamp_unsigned",
     "current_step",
     "from_setpoints",
     "long_step",
-    "nearest",
     "no_setpoints",
     "signed16",
-    "signed32",
     "to_actuals",
     "torque_step",
 ]
@@ -90,42 +88,19 @@ def signed16(word: int) -> int:
 
 
 @inlined
-def signed32(value: int) -> int:
-    """Wrap to a signed 32-bit number."""
-    value &= 0xFFFFFFFF
-    return value - 0x100000000 if value & 0x80000000 else value
-
-
-@inlined
-def nearest(value: float) -> int:
-    """The nearest whole number."""
-    return round(value)
-
-
-@inlined
 def clamp16(value: float) -> int:
     """The nearest signed 16-bit number, as the unsigned word that carries it."""
     if value >= 32767.0:
         return 0x7FFF
     if value <= -32768.0:
         return 0x8000
-    return nearest(value) & 0xFFFF
-
-
-@inlined
-def clamp32(value: float) -> int:
-    """The nearest signed 32-bit number."""
-    if value >= 2147483647.0:
-        return 0x7FFFFFFF
-    if value <= -2147483648.0:
-        return -0x80000000
-    return nearest(value)
+    return round(value) & 0xFFFF
 
 
 @inlined
 def clamp_unsigned(value: float) -> int:
     """The nearest unsigned 16-bit number."""
-    return min(0xFFFF, max(0, nearest(value)))
+    return min(0xFFFF, max(0, round(value)))
 
 
 @compiled
@@ -246,7 +221,7 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[POS_ZSW1] = first_position_word(axis)
     image.sent[POS_ZSW2] = second_position_word(axis)
     image.sent[XIST_ERROR] = signed32(
-        nearest(
+        round(
             (axis.positioning.following_error - axis.measurement.position_deviation)
             / axis.travel.settings.position_step
         )

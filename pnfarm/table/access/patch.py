@@ -28,7 +28,8 @@ class Patch:
         places: set[int] = set()
         for key, value in values:
             layout.write(row, key, value)
-            places.update(_places(layout, key))
+            begin, kind = layout.place(key)
+            places.update(range(begin, begin + kind.itemsize))
         self._places = np.array(sorted(places), np.intp)
         self._octets = octets[self._places]
         self._bytes = self._octets.tobytes()
@@ -40,14 +41,3 @@ class Patch:
     def stands_in(self, record: Any) -> bool:
         """Whether ``record``, a row of a table (``table[i]``), has these values already."""
         return row_octets(record)[self._places].tobytes() == self._bytes
-
-
-def _places(layout: Layout, key: str) -> range:
-    """The octets of a row that hold a field."""
-    begin, kind = 0, layout.dtype
-    for name in layout.path(key):
-        fields = kind.fields
-        assert fields is not None
-        kind, offset = fields[name][:2]
-        begin += offset
-    return range(begin, begin + kind.itemsize)

@@ -95,12 +95,8 @@ def place_of(
 
 
 def _offset(layout: Layout, key: str, element: int) -> tuple[int, np.dtype[Any]]:
-    """Octets from the start of a row to the field, and its type."""
-    kind, offset = layout.dtype, 0
-    for name in layout.path(key):
-        assert kind.fields is not None
-        kind, further = kind.fields[name][:2]
-        offset += further
+    """Octets from the start of a row to the field or its element, and the type."""
+    offset, kind = layout.place(key)
     if kind.subdtype is not None:
         kind, shape = kind.subdtype
         if not 0 <= element < shape[0]:
