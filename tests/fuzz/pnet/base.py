@@ -16,6 +16,7 @@ from pnfarm.protocols.profinet.gsdml.planning import PlannedDevice, from_gsdml
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.block import Block, BlockType
 from pnfarm.protocols.profinet.wire.cm.control import ControlBlock
+from pnfarm.protocols.profinet.wire.cm.expected import ExpectedSubmoduleBlockReq
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     UUID_PNIO_DEVICE,
     Flags1,
@@ -77,8 +78,11 @@ class Caller:
         )  # fmt: skip
 
     def blocks(self) -> list[Block]:
-        """Those of a good Connect."""
-        return list(parse_blocks(connect_payload(self.plan, *plan_frames(self.plan))))
+        """Those of a good Connect, with one block for the submodules of all slots."""
+        found = parse_blocks(connect_payload(self.plan, *plan_frames(self.plan)))
+        slots = [api for block in found if isinstance(block, ExpectedSubmoduleBlockReq) for api in block.apis]
+        rest = [block for block in found if not isinstance(block, ExpectedSubmoduleBlockReq)]
+        return [*rest[:-1], ExpectedSubmoduleBlockReq(tuple(slots)), rest[-1]]
 
     def pdu(self, opnum: int, payload: bytes, args: dict[str, int] | None = None, **changes: Any) -> RpcPdu:
         """The next call; ``args`` are other counts of its arguments, ``changes`` other fields of its header."""
