@@ -59,6 +59,9 @@ class Flow(ABC):
         #: When the present step is over at the latest.
         self.due_ns = begin
         self._life = self._sequence(binding.scenario.steps)
+        self._waits = False
+        #: How long after its moment one that had to wait for it began.
+        self._began_late_ns = 0
         #: Steps that began, for progress.
         self.steps_begun = 0
         #: The step that began last.
@@ -71,8 +74,12 @@ class Flow(ABC):
         if now < (begin := self.record.origin_ns):
             early = begin - (EARLY_NS if self.binding.scenario.steps[0].watches else 0)
             if now < early:
+                self._waits = True
                 return early
             now = begin
+        elif self._waits:
+            self._began_late_ns = now - begin
+        self._waits = False
         self._now = now
         if self.finished:
             return now
@@ -160,6 +167,12 @@ class Flow(ABC):
     @abstractmethod
     def _end_fault(self, name: str) -> Life:
         """End a fault of a trial, unless it has ended."""
+
+    @property
+    def _moment(self) -> int:
+        """When the step that begins now should begin: the first one may be late."""
+        begin = self.record.origin_ns
+        return begin if self._now == begin + self._began_late_ns else self._now
 
     @property
     def _told_late(self) -> str:

@@ -315,7 +315,7 @@ class ScenarioRun(Flow):
         self._power(name, on=on)
 
     def _wait_until(self, step: Step) -> Life:
-        begin = self._now
+        begin = self._moment
         end = begin + step.get("within", DEFAULT_WITHIN_NS)
         watch = self._open(step)
         try:
@@ -340,7 +340,7 @@ class ScenarioRun(Flow):
         return watch
 
     def _expect(self, step: Step) -> Life:
-        begin = self._now
+        begin = self._moment
         within, hold = step.get("within", 0), step.get("for", 0)
         watch = self._open(step)
         try:
@@ -441,6 +441,8 @@ class ScenarioRun(Flow):
         own = self._own_part(begin, drives or list(watch.values()))
         if not own and unseen:
             own = f"; the farm, being late, did not look for {_time(watch.unseen_ns)}"
+        if not own and self._began_late_ns and begin == self.record.origin_ns:
+            own = f"; the farm, being late, began to look {_time(self._began_late_ns)} after the moment"
         verdict = Verdict.INCONCLUSIVE if own else Verdict.FAILED
         message += own
         shown = watch.shown()

@@ -154,8 +154,10 @@ def test_an_effect_that_lasts_a_few_milliseconds_after_a_fault_is_seen(rig):
 
     async def work():
         async with pnfarm.Farm.connect(urls["hub"]) as farm:
-            # inconclusive where this machine was itself late
-            assert {(await farm.run_text(SHORT)).verdict for _ in range(5)} <= {"passed", "inconclusive"}
+            found = {(await farm.run_text(SHORT)).verdict for _ in range(5)}
+            # inconclusive, or an error of the fault, where this machine was itself late
+            assert "passed" in found
+            assert "failed" not in found
 
     asyncio.run(work())
 
