@@ -51,7 +51,7 @@ def _number(value: Any, least: float, most: float, unit: str) -> float:
 
 
 def _duration(value: Any, most_ns: int, also: str) -> int:
-    allowed = f"a duration to {format_duration(most_ns)}, such as 20ms{also}"
+    allowed = f"a duration up to {format_duration(most_ns)}, such as 20ms{also}"
     if not isinstance(value, str):
         raise Problem(f"is {shown(value)}", allowed)
     duration = read_duration(value)

@@ -92,7 +92,7 @@ class ParamSpec:
                 return "true or false"
             case "duration":
                 low = "" if not self.low else f" from {format_duration(int(self.low))}"
-                high = "" if self.high is None else f" to {format_duration(int(self.high))}"
+                high = "" if self.high is None else f"{'' if low else ' up'} to {format_duration(int(self.high))}"
                 return f"a duration{low}{high}{',' if low or high else ''} such as 500ms or 2s"
             case "word":
                 return ", ".join(self.words)

@@ -348,9 +348,9 @@ def test_a_drive_connects_through_impairments_of_other_frames_and_nothing_is_lef
     ("kind", "params", "told"),
     [
         ("delay", {"delay": "0ms"}, "params.delay: is 0, as the jitter"),
-        ("delay", {"delay": "11s"}, "params.delay: is '11s'; allowed: a duration to 10s,"),
+        ("delay", {"delay": "11s"}, "params.delay: is '11s'; allowed: a duration up to 10s,"),
         ("reorder", {"wait": "0ms"}, "params.wait: is '0ms'; allowed: a duration from 1ns to 10s,"),
-        ("throttle", {"queue": "11s"}, "params.queue: is '11s'; allowed: a duration to 10s,"),
+        ("throttle", {"queue": "11s"}, "params.queue: is '11s'; allowed: a duration up to 10s,"),
         ("corrupt", {"bits": 0}, "params.bits: is 0"),
         ("duplicate", {"frames": "snmp"}, "params.frames: is 'snmp'"),
     ],

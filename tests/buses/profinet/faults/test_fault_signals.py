@@ -89,7 +89,7 @@ def test_a_delayed_input_changes_so_much_later_and_loses_no_change():
     assert pressure(cell) == 1
     cell.world.run(0.1)
     assert pressure(cell) == 2
-    with pytest.raises(InjectionError, match="is '2min'; allowed: a duration to 60s,"):
+    with pytest.raises(InjectionError, match="is '2min'; allowed: a duration up to 60s,"):
         inject(cell, "signal-delay", signal="pressure", delay="2min")
 
 
