@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.whole_numbers import signed32
 from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.signals import PKW_HEAD, PKW_VALUE
 
@@ -31,7 +30,8 @@ def exchange(image: Any, now: int) -> bool:
         task = (int(image.received[PKW_HEAD]) << 32) | (int(image.received[PKW_VALUE]) & 0xFFFFFFFF)
         answer = int(image.parameter_answer)
     # the event loop may read between the two: no identifier comes before its value
-    image.sent[PKW_VALUE] = signed32(answer)
+    low = answer & 0xFFFFFFFF
+    image.sent[PKW_VALUE] = low - 0x100000000 if low & 0x80000000 else low
     image.sent[PKW_HEAD] = answer >> 32
     waited = now - image.parameter_told_ns >= REPEAT_NS
     if image.parameter_answered != image.parameter_task:
