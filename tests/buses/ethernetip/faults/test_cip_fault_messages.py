@@ -228,16 +228,18 @@ def test_another_session_handle_than_the_peers_is_in_the_answer(rig):
     assert fault.state == "ended"
 
 
-@pytest.mark.parametrize(("what", "status"), [("status", 0x64), ("context", None), ("garbage", None)])
-def test_answers_with_a_wrong_encapsulation_are_no_answers(rig, what, status):
+@pytest.mark.parametrize(
+    ("what", "reason"), [("status", "encapsulation status 0x64"), ("context", ""), ("garbage", "")]
+)
+def test_answers_with_a_wrong_encapsulation_are_no_answers(rig, what, reason):
     fault = rig.add("encapsulation-error", params={"what": what}, count=1)
     number = ask(rig)
     rig.peer.run(0.5)
     note = answer(rig.peer, number)
     assert not isinstance(note, RequestAnswered)
-    if status is not None:
+    if reason:
         assert isinstance(note, RequestFailed)
-        assert note.status == status
+        assert note.reason == reason
     assert fault.state == "ended"
     assert fault.evidence().confirmed
     rig.peer.connect()
