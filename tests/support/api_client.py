@@ -13,6 +13,8 @@ __all__ = ["Farm"]
 class Farm:
     """Stands for ``httpx.Client``; ``world`` has the ``app``."""
 
+    base_url = httpx.URL("http://127.0.0.1/api/v1")
+
     def __init__(self, world: Any) -> None:
         self.world = world
 
@@ -25,7 +27,7 @@ class Farm:
     def request(self, method: str, path: str, **options: Any) -> httpx.Response:
         async def ask() -> httpx.Response:
             transport = httpx.ASGITransport(self.world.app)
-            async with self.async_client(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
+            async with self.async_client(transport=transport, base_url=self.base_url) as client:
                 return await client.request(method, path, **options)
 
         return asyncio.run(ask())
