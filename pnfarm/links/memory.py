@@ -3,9 +3,9 @@
 Ports know their addresses, so nothing is learnt: a unicast frame goes to the ports with that address, a
 broadcast or multicast to all others, or where a link knows whom it concerns (:meth:`MemoryLink.set_audience`) to
 those; only LLDP, which no switch forwards, crosses from one link to another and not between the ports of one, as if
-each link were a cable. A frame is handed over at the time it was sent, in the order of sending, when
-:meth:`MemorySwitch.deliver` is called for that time; frames sent while frames are delivered belong to the same call,
-so that a question and its answer pass in one instant.
+each link were a cable. A frame is handed over at the time it was sent plus the switch's latency, in the order of
+sending, when :meth:`MemorySwitch.deliver` is called for that time; frames sent while frames are delivered belong to
+the same call when they are due, so that a question and its answer pass in one instant.
 
 Cyclic frames are exchanged by the compiled engine inside its tables; these are the acyclic ones.
 """
@@ -123,9 +123,12 @@ def _garbled(octets: bytes) -> bytes:
 
 
 class MemorySwitch:
-    """Joins ports.  Port indexes count from 1."""
+    """Joins ports.  ``latency_ns`` passes between sending and delivery.  Port indexes count from 1."""
 
-    def __init__(self) -> None:
+    def __init__(self, latency_ns: int = 0) -> None:
+        if latency_ns < 0:
+            raise ValueError(f"latency of {latency_ns} ns: a frame cannot arrive before it was sent")
+        self._latency_ns = latency_ns
         self._sockets: dict[int, _Socket] = {}
         self._by_mac: dict[bytes, list[int]] = {}
         self._next_index = 1
@@ -187,7 +190,7 @@ class MemorySwitch:
 
     def _post(self, port_index: int, action: Callable[[int], None], now: int) -> None:
         """Call ``action`` when what is sent now arrives, after everything sent before."""
-        self._under_way.append((now, port_index, action))
+        self._under_way.append((now + self._latency_ns, port_index, action))
 
     def join(self, port_index: int, group: bytes) -> None:
         """Let cyclic frames to a multicast address pass to this port, one of each table."""
@@ -229,7 +232,7 @@ class MemorySwitch:
         if socket.line:
             self._lines[socket.line].send(port_index, bytes(frame), now, socket.counters)
             return
-        self._under_way.append((now, port_index, bytes(frame)))
+        self._under_way.append((now + self._latency_ns, port_index, bytes(frame)))
 
     def next_deadline(self) -> int | None:
         """When the oldest frame on its way is due."""

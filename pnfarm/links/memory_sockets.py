@@ -1,6 +1,6 @@
 """Streams and datagrams between the stations on a switch in memory: joined directly, in virtual time.
 
-Octets arrive after everything sent before them, frames included, at the time of sending.
+Octets arrive after everything sent before them, frames included, at the time of sending plus the switch's latency.
 While a cable is pulled, those of a stream wait, as TCP repeats them, and datagrams are lost.  A station that was
 withdrawn is silent; once it serves again, its peers' old streams are closed when they send, as by a reset.
 """

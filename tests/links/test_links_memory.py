@@ -52,14 +52,14 @@ def test_a_multicast_reaches_all_others(stations, destination):
 
 
 def test_frames_arrive_in_order_and_only_when_their_time_has_come():
-    switch = MemorySwitch()
+    switch = MemorySwitch(latency_ns=1000)
     a, b = Station(switch, A), Station(switch, B)
     for now in (0, 10, 20):
         switch.send(a.port.index, frame(B, A, bytes([now])), now)
-    assert switch.deliver(-1) == 0
-    assert switch.deliver(10) == 2
+    assert switch.deliver(999) == 0
+    assert switch.deliver(1010) == 2
     assert switch.deliver(5000) == 1
-    assert [(data[-1], now) for data, now in b.heard] == [(0, 0), (10, 10), (20, 20)]
+    assert [(data[-1], now) for data, now in b.heard] == [(0, 1000), (10, 1010), (20, 1020)]
 
 
 @pytest.mark.parametrize("speakers", [2, 3, 4])
@@ -115,6 +115,11 @@ def test_a_port_may_go_while_frames_are_delivered(stations):
     assert c.heard == []
     with pytest.raises(InternalError, match="no port 3"):
         switch.send(c.port.index, frame(A, C), 0)
+
+
+def test_negative_latency_is_refused():
+    with pytest.raises(ValueError, match="before it was sent"):
+        MemorySwitch(latency_ns=-1)
 
 
 def test_a_link_says_whom_a_multicast_concerns(stations):
