@@ -233,7 +233,8 @@ def test_a_scenarios_fault_on_a_device_goes_to_its_shard_and_ends_with_it(cells)
     [
         "  - expect: {drive: all, that: powered, within: 1s}\n",
         "  - wait: {until: powered, within: 1s}\n",
-        "  - parallel: [[expect: {drive: axis-01, that: powered}], [expect: {drive: pump-01, that: powered}]]\n",
+        "  - parallel:\n    - - expect: {drive: axis-01, that: powered, within: 1s}\n"  # noqa: ISC004
+        "    - - expect: {drive: pump-01, that: powered, within: 1s}\n",
     ],
 )
 def test_what_follows_a_fault_begins_on_all_shards_at_the_moment_of_the_fault(cells, monkeypatch, following):
