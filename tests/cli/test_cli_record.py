@@ -135,8 +135,8 @@ def test_an_error_in_a_callback_ends_the_command_as_an_internal_error(
     def fail(*_: object) -> None:
         raise ValueError("65536 does not fit in 2 octets")
 
-    monkeypatch.setattr("pnfarm.links.interface.InterfaceLink", EchoLink)
-    monkeypatch.setattr("pnfarm.links.kernel.addresses.hold_ports", lambda *_: [])
+    monkeypatch.setattr("pnfarm.buses.profinet.commands.asking.InterfaceLink", EchoLink)
+    monkeypatch.setattr("pnfarm.buses.profinet.commands.asking.hold_ports", lambda *_: [])
     monkeypatch.setattr(machine, fail)
     assert main(arguments) == 5
     (sentence,) = capsys.readouterr().err.splitlines()
