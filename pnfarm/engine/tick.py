@@ -22,12 +22,11 @@ from pnfarm.engine.observe import fault_began, fault_ended, observe
 from pnfarm.engine.plant.pace import plant_moment, step_plant
 from pnfarm.engine.tracing import sample
 from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.drive_clock import drive_time
 from pnfarm.firmware.front import has_parameter_channel, step_program, tells
 from pnfarm.firmware.profidrive.sign_of_life import count_life
 from pnfarm.firmware.step import step
-from pnfarm.table.axis_codes import FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_SLOTS, NUMBER_MASK
 from pnfarm.table.channel import (
     CLOSED,
     DISCARD_IMPAIRED,

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.axis_codes import FAULT_ACTIONS, FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_ACTIONS, FAULT_SLOTS, NUMBER_MASK
 from pnfarm.table.compiling.compiled import inlined
 
-__all__ = ["NUMBER_MASK", "cause_held", "ignored"]
-
-#: The number in a fault as it is raised (number | reaction << 24).
-NUMBER_MASK = 0xFFFFFF
+__all__ = ["cause_held", "ignored"]
 
 
 @inlined

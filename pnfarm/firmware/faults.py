@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import floor, inf
 from typing import Any
 
-from pnfarm.firmware.causes import NUMBER_MASK, ignored
+from pnfarm.firmware.causes import ignored
 from pnfarm.firmware.motor.supply import mains
 from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
@@ -32,6 +32,7 @@ from pnfarm.table.axis_codes import (
     COMMANDS,
     FAULT_SITUATIONS,
     FAULT_SLOTS,
+    NUMBER_MASK,
     STOP_DROP,
     WARNING_SLOTS,
 )

@@ -16,11 +16,11 @@ from prometheus_client.registry import Collector
 from pnfarm.buses.registry import bus
 from pnfarm.drives.description.parts import fault_label
 from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.metrics.device_signals import SignalFamily
 from pnfarm.metrics.families import OTHER, Family, Histogram, Room, Values
 from pnfarm.metrics.lines import LineFamilies
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, RECONNECT_EDGES_NS, Recovery
+from pnfarm.table.axis_codes import NUMBER_MASK
 from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS, JITTER_BUCKETS, JITTER_EDGES_NS, OPEN
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 from pnfarm.table.observed import PEAK_WINDOW_NS

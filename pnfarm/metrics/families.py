@@ -166,14 +166,6 @@ class Histogram(Family):
         self.samples = len(self.edges_ns) + 3
         super().__init__(name, "histogram", documentation, labels, room=room, bounded=bounded)
 
-    def counted(self, counts: Mapping[Any, int]) -> tuple[Self, Values]:
-        """The family with counts by label values; a series that is new is made while there is room for it."""
-        places = [(self.place(*labels), count) for labels, count in counts.items()]
-        values: list[float] = [0] * len(self)
-        for place, count in places:
-            values[place] += count
-        return self, values
-
     def _of_series(self, values: tuple[str, ...]) -> list[tuple[str, dict[str, str]]]:
         labels = dict(zip(self.labels, values, strict=True))
         bounds = [*(repr(edge / 1e9) for edge in self.edges_ns), "+Inf"]

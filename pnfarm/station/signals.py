@@ -20,10 +20,9 @@ from pnfarm.drives.profiles.cip.part import CIP
 from pnfarm.drives.profiles.cip.words import CONTROL_BITS, STATUS_1_BITS, STATUS_2_BITS
 from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.profidrive.control_word import FAULT_ACKNOWLEDGE
 from pnfarm.table.access.places import place_of
-from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, POWER_ENABLE, POWER_ON
+from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, NUMBER_MASK, POWER_ENABLE, POWER_ON
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

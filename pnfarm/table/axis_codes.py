@@ -4,6 +4,8 @@
 FAULT_SLOTS = 8
 WARNING_SLOTS = 8
 FAULT_SITUATIONS = 8
+#: The number in a fault as it is raised (number | reaction << 24).
+NUMBER_MASK = 0xFFFFFF
 #: Number of faults that a parameter can keep from being raised (AKD PROFINET manual 5.6: FAULT130.ACTION and 7 more).
 FAULT_ACTIONS = 8
 #: Fault numbers whose word in the signal FAULT_CODE is the manual's own: 0 to 127.

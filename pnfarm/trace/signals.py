@@ -20,10 +20,9 @@ from pnfarm.drives.description.parts import fault_label
 from pnfarm.drives.telegrams.word_bits import STW1_BITS
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.station.signals import SIGNALS, profile_words
 from pnfarm.table.access.places import Place, place_of
-from pnfarm.table.axis_codes import FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_SLOTS, NUMBER_MASK
 from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_NEVER, LOST_NOT, LOST_STOP
 from pnfarm.table.signals import ACTUAL_SLOTS, PKW_HEAD, PKW_VALUE, SETPOINT_SLOTS
 from pnfarm.table.trace import SOURCE_IMAGE_AGE, SOURCE_IMAGE_INTEGER

@@ -228,13 +228,15 @@ def test_a_scenarios_fault_on_a_device_goes_to_its_shard_and_ends_with_it(cells)
     assert cells.get("faults").json()["faults"] == []
 
 
+POWERED = "that: powered, within: 1s"
+
+
 @pytest.mark.parametrize(
     "following",
     [
-        "  - expect: {drive: all, that: powered, within: 1s}\n",
+        f"  - expect: {{drive: all, {POWERED}}}\n",
         "  - wait: {until: powered, within: 1s}\n",
-        "  - parallel:\n    - - expect: {drive: axis-01, that: powered, within: 1s}\n"  # noqa: ISC004
-        "    - - expect: {drive: pump-01, that: powered, within: 1s}\n",
+        f"  - parallel: [[expect: {{drive: axis-01, {POWERED}}}], [expect: {{drive: pump-01, {POWERED}}}]]\n",
     ],
 )
 def test_what_follows_a_fault_begins_on_all_shards_at_the_moment_of_the_fault(cells, monkeypatch, following):

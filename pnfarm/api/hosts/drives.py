@@ -12,7 +12,7 @@ from pnfarm.drives.profiles.profidrive.fault_buffer import fault_situations
 from pnfarm.farm.views.controller_view import controller_view
 from pnfarm.farm.views.snapshot import drive_snapshot, engine_snapshot, injected_kinds, line_snapshot
 from pnfarm.farm.views.stations import drive_signals
-from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.table.axis_codes import NUMBER_MASK
 
 if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext

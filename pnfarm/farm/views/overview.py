@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pnfarm.farm.views.snapshot import NO_AR, engine_snapshot, injected_kinds
-from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.table.axis_codes import NUMBER_MASK
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from pnfarm.drives.telegrams.signal_view import Inputs, SignalForm, Word, axis_s
 from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.errors import ConfigError
 from pnfarm.farm.views.snapshot import drive_snapshot, state_word
-from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.table.axis_codes import NUMBER_MASK
 from pnfarm.table.signals import STW1, ZSW1
 
 if TYPE_CHECKING:

@@ -15,9 +15,8 @@ from pnfarm.drives.description.parts import fault_label
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults
 from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.faults.manager import RunState
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.station.signals import SIGNALS, STATUS_BITS
-from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS, NUMBER_MASK
 from pnfarm.table.channel import DISCARDS
 from pnfarm.wire.mac import format_mac
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.ethernetip.octets import put, received_octet
 from pnfarm.firmware.ethernetip.tasks import TASK_MAP, idle, post
 from pnfarm.firmware.motion.travel import limits_reached
 from pnfarm.firmware.records.ethernetip import MAPPED
 from pnfarm.firmware.whole_numbers import clamp32
+from pnfarm.table.axis_codes import NUMBER_MASK
 from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["COMMAND_SIZES", "DYNAMIC", "DYNAMIC_MAP", "MAP_TYPE", "RESPONSE_SIZES", "show_map", "take_map"]

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.motor.measurement import measured_velocity
 from pnfarm.firmware.motor.torque_limits import torque_limited
 from pnfarm.firmware.own_warnings import warned
-from pnfarm.table.axis_codes import FAULT_SLOTS, FAULT_WORDS
+from pnfarm.table.axis_codes import FAULT_SLOTS, FAULT_WORDS, NUMBER_MASK
 from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["message_word", "namur_word"]

@@ -10,8 +10,8 @@ from __future__ import annotations
 from math import ceil, floor
 from typing import Any
 
-from pnfarm.firmware.causes import NUMBER_MASK, cause_held
-from pnfarm.table.axis_codes import EDGE_FALLING, FAULT_SLOTS, MARK_NONE, MARK_PROBE_1, MARK_ZERO
+from pnfarm.firmware.causes import cause_held
+from pnfarm.table.axis_codes import EDGE_FALLING, FAULT_SLOTS, MARK_NONE, MARK_PROBE_1, MARK_ZERO, NUMBER_MASK
 from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["ALL_FUNCTIONS", "can_wait", "cause_stays", "encoder_faulty", "look_for_marks"]

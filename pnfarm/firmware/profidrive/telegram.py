@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.motion.travel import position_number
 from pnfarm.firmware.motor.measurement import measured_current, measured_position, measured_torque, measured_velocity
 from pnfarm.firmware.profidrive.messages import message_word
@@ -19,7 +18,7 @@ from pnfarm.firmware.profidrive.real_words import DEGREES, DEGREES_A_SECOND, bit
 from pnfarm.firmware.profidrive.status_word import second_status_word
 from pnfarm.firmware.reported import drive_inputs, motion_status
 from pnfarm.firmware.whole_numbers import clamp32, signed32
-from pnfarm.table.axis_codes import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.table.axis_codes import FAULT_WORDS, NUMBER_MASK, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.signals import (
     ACT_CURRENT,

@@ -8,10 +8,10 @@ from pnfarm.buses.profibus.device.extended_diagnosis import channel_diagnosis, e
 from pnfarm.buses.profibus.device.kind import Meddling
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import DecodeError
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.protocols.profibus.slave_user import RecordRefusedError
 from pnfarm.protocols.profibus.wire.dpv1 import ErrorCode1
 from pnfarm.table.access.record_fields import field_views
+from pnfarm.table.axis_codes import NUMBER_MASK
 from pnfarm.table.signals import WORD_NONE
 
 if TYPE_CHECKING:

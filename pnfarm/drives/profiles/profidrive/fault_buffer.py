@@ -10,13 +10,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS, NUMBER_MASK
 
 __all__ = ["active_faults", "fault_counter", "fault_numbers", "fault_situations"]
-
-#: A fault in the axis record carries its reaction above its number.  That of the firmware needs the compiler, which
-#: takes a short command longer than its work.
-NUMBER_MASK = 0xFFFFFF
 
 
 def fault_numbers(axis: Any) -> list[int]:
